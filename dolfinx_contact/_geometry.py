@@ -37,6 +37,7 @@ __all__ = [
     "node_positions",
     "plane_tangents",
     "ratio",
+    "rounded",
     "tangential",
     "transformed",
     "unit",
@@ -71,6 +72,12 @@ def node_positions(V: fem.FunctionSpace) -> Array:
         x.flags.writeable = False
         _positions[key] = weakref.ref(V, lambda _: _positions.pop(key, None)), now, x
     return x
+
+
+def rounded(x: Array) -> Array:
+    """Return coordinates rounded to nine digits of the largest one."""
+    size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
+    return np.round(x / size, 9) * size + 0.0
 
 
 def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:

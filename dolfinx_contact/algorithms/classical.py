@@ -28,7 +28,7 @@ from dolfinx_contact.algorithms import (
     coulomb_by_lemke,
 )
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.measures import diverged
+from dolfinx_contact.equations.measures import Scales, diverged, measure
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
@@ -146,8 +146,7 @@ def _on_points(
     contact = scaled(reduction.problem(), scales)
     start = reduction.contract(x)[:, contact.dim :] * reduction.force_unit
     # Measure the body with the scales of the reduced problem.
-    scales.force = max(scales.force, contact.force)
-    scales.length = max(scales.length, contact.length)
+    scales = Scales(max(scales.force, contact.force), max(scales.length, contact.length))
     outcome = on_root(
         equations.comm, lambda: algorithm.run(contact, tolerance=tolerance, start=start)
     )
@@ -160,7 +159,7 @@ def _on_points(
     reduction.relax(x)
     if not outcome.converged:
         return
-    measures = scales.measure(equations.evaluate(x))
+    measures, _ = measure(equations, equations.evaluate(x), scales)
     attempt.steps[-1] = replace(attempt.steps[-1], measures=measures)
     accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
     if not measures.worst <= _GATHERED * accuracy:

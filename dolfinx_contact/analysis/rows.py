@@ -82,8 +82,8 @@ def point_normals(eq: ContactEquations) -> Array:
 
 def free_components(eq: ContactEquations) -> Mask:
     """Return a mask of the jump components without Dirichlet data on this rank, shape (n, dim)."""
-    parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
-    return np.concatenate([~removed[: s.points.number] for removed, s in parts])
+    parts = zip(eq.constraints.surfaces, eq.surfaces, strict=True)
+    return np.concatenate([~c.removed[: s.points.number] for c, s in parts])
 
 
 def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> Mask:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid motions of a body, and free motions of its connected parts."""
+"""Connected parts of a body: rigid motions, free motions, and stiffness under uniform strains."""
 
 from __future__ import annotations
+
+from itertools import combinations
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -12,12 +14,13 @@ from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import connected_parts, dot, in_space, node_positions
-from dolfinx_contact._mpi import largest, total
+from dolfinx_contact._mpi import largest, maximum, require, total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.cells import vertex_moments
 
 __all__ = ["Parts", "bounding_box", "combine", "diagonal", "loose", "parts", "sums_of_parts"]
 
+_NO_HOOP = 1e-12  # resistance, relative to the stiffness, that counts as zero
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
     3: (
@@ -189,6 +192,68 @@ class Parts:
         """Return motions at the owned dofs, shape (motions, dofs)."""
         return motions[:, : self._n].reshape(len(motions), self._n * self._dim)
 
+    # -- stiffness -------------------------------------------------------------------------------
+
+    def require_hoop_stiffness(self, K: PETSc.Mat) -> None:
+        """Raise ``ValueError`` if a body of revolution does not resist radial translation.
+
+        The stiffness of a plane body does not.
+        """
+        if not self.axisymmetric:
+            return
+        radial = np.tile([1.0, 0.0], K.getLocalSize()[0] // 2)
+        resistance = maximum(self.comm, np.abs(product(K, radial)))
+        require(
+            self.comm,
+            resistance > _NO_HOOP * K.norm(PETSc.NormType.NORM_INFINITY),
+            "the contact surfaces are axisymmetric, but the bulk is that of a plane body: its "
+            "energy must contain the hoop strain u[0]/r, as that of materials.Axisymmetric does",
+        )
+
+    def softness(self, K: PETSc.Mat) -> Array:
+        """Return the softness of every part, shape (number,); 1 for unstable and rigid ones.
+
+        It is the ratio of median to mean eigenvalue of the energies of uniform strains. The
+        energies are those of Voigt's average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65,
+        1952). Its eigenvalues are 2 mu (five times in 3D) and 3 lambda + 2 mu for an isotropic
+        body. The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
+
+        Args:
+            K: stiffness.
+        """
+        return np.array([_softness(energies) for energies in self._energies(K)])
+
+    def _energies(self, K: PETSc.Mat) -> Array:
+        """Return the energies of pairs of uniform strains in every part, shape (number, k, k).
+
+        The displacements x E have constant gradients E, whose strains are orthonormal. E is
+        symmetric. In a body of revolution the displacements are, up to factors, (r, 0), with the
+        same strain around the axis, (0, z) and (0, r).
+        """
+        p = self.of_owned
+        dim = self._dim
+        x = node_positions(self.V)[: self._n, :dim]
+        # Relative to the centre of the part: far from the origin, strains are lost in round-off.
+        sums = self.sums(np.column_stack([np.ones(self._n), x]))
+        middle = sums[:, 1:] / sums[:, :1]
+        if self.axisymmetric:
+            middle[:, 0] = 0.0
+        x = x - middle[p]
+        gradients = [np.diag(row) for row in np.eye(dim)]
+        for i, j in combinations(range(dim), 2):
+            gradients.append(np.zeros((dim, dim)))
+            gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
+        if self.axisymmetric:
+            gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
+        fields = [x @ gradient for gradient in gradients]
+        columns = []
+        for a in fields:
+            forces = product(K, a.reshape(-1)).reshape(-1, dim)
+            columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
+        return self.sums(np.stack(columns, axis=2))
+
+    # -- displacements ---------------------------------------------------------------------------
+
     def largest_turn(self, nodes: Array, u: Array) -> float:
         """Return the largest linearised mean rotation of the parts, in radians.
 
@@ -230,6 +295,17 @@ class Parts:
         np.maximum.at(ends[1], self.of_owned, -values)
         ranges = np.sum(largest(self.comm, ends), axis=0)
         return ranges[:, :dim].max(axis=1), ranges[:, dim:]
+
+
+def _softness(energies: Array) -> float:
+    """Return the softness of a part from the energies of its uniform strains (k, k)."""
+    if not np.isfinite(energies).all() or not energies.any():
+        return 1.0
+    eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
+    last = len(eigenvalues) - 1
+    median = 0.5 * (eigenvalues[last // 2] + eigenvalues[-(last // 2) - 1])
+    # An unstable body has no typical stiffness in this sense.
+    return float(max(median / eigenvalues.mean(), 1e-4)) if eigenvalues[0] > 0 else 1.0
 
 
 def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -17,23 +18,21 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import (
     SharedValues,
     count_of,
     largest,
     maximum,
     require,
-    sorted_rows,
     total,
 )
-from dolfinx_contact.equations.evaluation import RigidBodies
+from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import facet_closures, rounded
+from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["Constraints", "Ramp", "require_no_common_facets"]
+__all__ = ["Constraints", "Ramp", "SurfaceConstraints", "require_no_common_facets"]
 
 logger = logging.getLogger(__name__)
 
@@ -61,6 +60,38 @@ class Ramp:
     fraction: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class SurfaceConstraints:
+    """Components of the jump and of the multipliers of one surface that Dirichlet data fix.
+
+    Attributes:
+        held: mask of the fixed components of the jump, shape (local nodes, dim): neither the node
+            nor its opposing point moves, or they are one node.
+        fixed_jumps: mask of the components of the jump that the multipliers weight and Dirichlet
+            data fix, shape (local multiplier nodes, dim); with quadratic displacement and linear
+            multipliers the jump is a mean over the facets of a vertex.
+        removed: mask of the removed multiplier components, shape (local multiplier nodes, dim).
+        owned: number of owned multiplier nodes.
+        normals: normals at the local vertices, which decided on the removed components.
+    """
+
+    held: Mask
+    fixed_jumps: Mask
+    removed: Mask
+    owned: int
+    normals: Array
+
+    @cached_property
+    def clamped(self) -> Mask:
+        """Mask of the local multiplier nodes whose components are all removed."""
+        return np.asarray(self.removed.all(axis=1))
+
+    @cached_property
+    def removed_multipliers(self) -> Mask:
+        """Mask of the removed components among the owned multipliers, shape (k,)."""
+        return self.removed[: self.owned].reshape(-1)
+
+
 class Constraints:
     """Displacement and multiplier components that Dirichlet data fix, and prescribed values.
 
@@ -72,14 +103,7 @@ class Constraints:
 
     Attributes:
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
-        held: per surface, mask of the fixed components of the jump, shape (local nodes, dim):
-            neither the node nor its opposing point moves, or they are one node.
-        clamped: per surface, mask of the local multiplier nodes whose components are all removed.
-        removed: per surface, mask of the removed components, shape (local multiplier nodes, dim).
-        removed_multipliers: the same for the owned multipliers, shape (k,).
-        fixed_jumps: per surface, mask of the components of the jump that the multipliers weight
-            and Dirichlet data fix, shape (local multiplier nodes, dim); with quadratic
-            displacement and linear multipliers the jump is a mean over the facets of a vertex.
+        surfaces: fixed components of the jumps and multipliers, surface by surface.
         ramp: growing load, of which a fraction is prescribed; None: the data of the user.
         to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
             them in time integration; None: they are equal.
@@ -113,33 +137,8 @@ class Constraints:
         for s, vertices in zip(surfaces, crossing, strict=True):
             s.hold(self.fixed, vertices)
         _warn_of_common_nodes(surfaces, crossed)
-        # multipliers
-        self.held: list[Mask] = []
-        self.fixed_jumps: list[Mask] = []
-        self.removed: list[Mask] = []
-        self.clamped: list[Mask] = []
-        self.removed_multipliers: list[Mask] = []
-        self._normals = [s.points.vertex_normals.copy() for s in surfaces]
-        for s, vertices in zip(surfaces, crossing, strict=True):
-            held = self._held(s)
-            fixed = held[s.points.trace_dofs]
-            if s.degrees[0] != s.degrees[1]:
-                fixed = fixed & _fixed_on_support(s, held)
-            removed = _removed(s, fixed)
-            if s.degrees[1] == 1:  # other degrees have no crossings
-                removed[vertices] = True
-            removed = removed | s.points.mirrored
-            clamped = np.asarray(removed.all(axis=1))
-            owned = s.points.Q.dofmap.index_map.size_local
-            left = count_of(s.comm, ~clamped[:owned])
-            require(s.comm, left > 0, _why_none_is_left(s))
-            if s.degrees[0] > s.degrees[1]:
-                _require_free_nodes(s, held, left)
-            self.held.append(held)
-            self.fixed_jumps.append(fixed)
-            self.removed.append(removed)
-            self.clamped.append(clamped)
-            self.removed_multipliers.append(removed[:owned].reshape(-1))
+        pairs = zip(surfaces, crossing, strict=True)
+        self.surfaces = [_of_surface(s, self.fixed, vertices) for s, vertices in pairs]
         self.read_data()
 
     # -- values ----------------------------------------------------------------------------------
@@ -209,96 +208,98 @@ class Constraints:
         finite = bool(np.isfinite(values[self.fixed]).all())
         require(self._V.mesh.comm, finite, "a Dirichlet value is not finite")
         prescribed = np.where(self.fixed, values, 0.0)
-        for i, s in enumerate(surfaces):
+        for s, constraints in zip(surfaces, self.surfaces, strict=True):
             s.require_in_place(prescribed, size)
-            objection = self._objection_to_values(i, s, prescribed, size)
+            objection = _objection_to_values(s, constraints, prescribed, size)
             require(s.comm, not objection, f"{s.name}: {objection}")
 
-    def contradiction(self) -> str:
-        """Return a message about dofs with several Dirichlet values; "" without any. Collective.
 
-        The last condition holds. Values may differ by round-off of the largest value.
-        """
-        if len(self._bcs) < 2:
-            return ""
-        V = self._V
-        bs = V.dofmap.index_map_bs
-        x = rounded(node_positions(V)[:, : V.mesh.geometry.dim])
-        values = self._read.x.array
-        values[:] = np.nan
-        rows = []  # condition, place, earlier value, value
-        for number, bc in enumerate(self._bcs):
-            # DOLFINx 0.9 counts ghosts among the owned dofs of a condition on several components
-            dofs = bc.dof_indices()[0]
-            dofs = dofs[dofs < V.dofmap.index_map.size_local * bs]
-            before = values[dofs]
-            bc.set(values)
-            numbers = np.full(len(dofs), number)
-            rows.append(np.column_stack([numbers, x[dofs // bs], before, values[dofs]]))
-        changes = np.concatenate(rows)
-        tolerance = _SAME * maximum(V.mesh.comm, np.abs(changes[:, -1]))
-        several = np.abs(changes[:, -1] - changes[:, -2]) > tolerance
-        found = sorted_rows(V.mesh.comm, changes[several])
-        if not found:
-            return ""
-        condition, *place, first, last = found[0]
-        where = ", ".join(f"{c:.6g}" for c in place)
+# -- surfaces --------------------------------------------------------------------------------------
+
+
+def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConstraints:
+    """Return the fixed components of a surface, and raise ``ValueError`` if none is free.
+
+    Collective.
+
+    Args:
+        s: contact surface.
+        fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
+        crossing: mask of the local vertices at which pairs cross.
+    """
+    held = _held(s, fixed)
+    jumps = held[s.points.trace_dofs]
+    displacement_degree, multiplier_degree = s.degrees
+    if displacement_degree != multiplier_degree:
+        jumps = jumps & _fixed_on_support(s, held)
+    removed = _removed(s, jumps)
+    if multiplier_degree == 1:  # other degrees have no crossings
+        removed[crossing] = True
+    removed = removed | s.points.mirrored
+    owned = s.points.Q.dofmap.index_map.size_local
+    left = count_of(s.comm, ~removed[:owned].all(axis=1))
+    require(s.comm, left > 0, _why_none_is_left(s))
+    if displacement_degree > multiplier_degree:
+        _require_free_nodes(s, held, left)
+    return SurfaceConstraints(held, jumps, removed, owned, s.points.vertex_normals.copy())
+
+
+def _held(s: DiscreteSurface, fixed: Mask) -> Mask:
+    """Return the mask of the fixed components of the jump (`SurfaceConstraints`). Collective."""
+    opposite = s.obstacle.opposite
+    if s.rigid_body is not None:
+        return np.asarray(fixed & ~s.rigid_body.moves(s.node_positions))
+    if opposite is None:
+        return fixed
+    if s.slides:  # opposing points change, and a gap is a mean over several nodes
+        return np.zeros_like(fixed)
+    return resting(s.u.function_space, opposite, fixed)
+
+
+def _objection_to_values(
+    s: DiscreteSurface, constraints: SurfaceConstraints, prescribed: Array, size: float
+) -> str:
+    """Return the objection to Dirichlet values at the nodes of a surface, or "". Collective.
+
+    Args:
+        s: contact surface.
+        constraints: its fixed components.
+        prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (n, dim).
+        size: size of the body, a length.
+    """
+    trace = s.points.vertex_trace_dofs
+    fixed = constraints.held[trace]
+    # gaps of the held nodes
+    moved = prescribed - s.opposite(prescribed)
+    if s.rigid_body is not None:
+        motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
+        moved = s.partner.relative(moved, motion)
+    gap, normal = s.at_vertices(moved[trace])
+    closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
+    if s.displaced is not None:
+        closing = fixed.all(axis=1)
+    front = np.zeros_like(closing)
+    opposite = s.obstacle.opposite
+    if opposite is not None:
+        closing &= ~opposite.none[trace]
+        front = opposite.none[trace] & opposite.matching
+    least = [np.min(gap[nodes], initial=np.inf) for nodes in (front, closing)]
+    at_front, at_held = -largest(s.comm, -np.array(least))
+    # normals, which decided on the removed multipliers
+    change = np.abs(s.points.vertex_normals - constraints.normals).max(axis=1, initial=0.0)
+    if s.displaced is None and (fixed.any(axis=1) & (change > _TOLERANCE)).any():
         return (
-            f"Dirichlet conditions give {len(found)} of the degrees of freedom several values: "
-            f"{first:.6g}, and {last:.6g} by bcs[{condition:.0f}], at ({where}); the last "
-            "condition holds"
+            "the obstacle has turned at a contact node with Dirichlet data since the problem "
+            "was made; make a new problem"
         )
-
-    def _objection_to_values(
-        self, i: int, s: DiscreteSurface, prescribed: Array, size: float
-    ) -> str:
-        """Return the objection to Dirichlet values at the nodes of a surface, or "". Collective."""
-        trace = s.points.vertex_trace_dofs
-        fixed = self.held[i][trace]
-        # gaps of the held nodes
-        moved = prescribed - s.opposite(prescribed)
-        if s.rigid_body is not None:
-            motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
-            moved = s.partner.relative(moved, motion)
-        gap, normal = s.at_vertices(moved[trace])
-        closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
-        if s.displaced is not None:
-            closing = fixed.all(axis=1)
-        front = np.zeros_like(closing)
-        opposite = s.obstacle.opposite
-        if opposite is not None:
-            closing &= ~opposite.none[trace]
-            front = opposite.none[trace] & opposite.matching
-        least = [np.min(gap[nodes], initial=np.inf) for nodes in (front, closing)]
-        at_front, at_held = -largest(s.comm, -np.array(least))
-        # normals, which decided on the removed multipliers
-        change = np.abs(s.points.vertex_normals - self._normals[i]).max(axis=1, initial=0.0)
-        if s.displaced is None and (fixed.any(axis=1) & (change > _TOLERANCE)).any():
-            return (
-                "the obstacle has turned at a contact node with Dirichlet data since the problem "
-                "was made; make a new problem"
-            )
-        if not at_front > -_SAME * size:
-            return (
-                f"the gap is {at_front:.3g} at the front of the crack, where both sides have a "
-                "node in common and no gap; let the interference fade there, as UFL of the position"
-            )
-        if not at_held > -_SAME * size:
-            return f"Dirichlet data push a contact node {-at_held:.3g} into the obstacle"
-        return ""
-
-    # -- surfaces --------------------------------------------------------------------------------
-
-    def _held(self, s: DiscreteSurface) -> Mask:
-        """Return the mask of the fixed components of the jump. Collective."""
-        opposite = s.obstacle.opposite
-        if s.rigid_body is not None:
-            return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
-        if opposite is None:
-            return self.fixed
-        if s.slides:  # opposing points change, and a gap is a mean over several nodes
-            return np.zeros_like(self.fixed)
-        return resting(self._V, opposite, self.fixed)
+    if not at_front > -_SAME * size:
+        return (
+            f"the gap is {at_front:.3g} at the front of the crack, where both sides have a "
+            "node in common and no gap; let the interference fade there, as UFL of the position"
+        )
+    if not at_held > -_SAME * size:
+        return f"Dirichlet data push a contact node {-at_held:.3g} into the obstacle"
+    return ""
 
 
 def _why_none_is_left(s: DiscreteSurface) -> str:

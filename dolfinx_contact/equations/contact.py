@@ -5,7 +5,7 @@ H has rows of the displacement u, of the multipliers l and of the rigid bodies q
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
-    H_q = sum Phi^T B^T W t - F,        the rigid bodies (`evaluation`).
+    H_q = sum Phi^T B^T W t - F,        the rigid bodies with loads F (`unknowns`).
 
 `evaluation` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
 
@@ -49,13 +49,13 @@ from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, Ramp, require_no_common_facets
 from dolfinx_contact.equations.evaluation import (
     Evaluation,
-    RigidBodies,
     RigidTerm,
     Rows,
     Statuses,
     SurfaceTerm,
 )
 from dolfinx_contact.equations.scaling import Scaling
+from dolfinx_contact.equations.unknowns import RigidBodies, Unknowns
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import nodes_on
@@ -63,7 +63,7 @@ from dolfinx_contact.points.trace import nodes_on
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
-__all__ = ["ContactEquations", "Unknowns"]
+__all__ = ["ContactEquations"]
 
 logger = logging.getLogger(__name__)
 
@@ -124,12 +124,12 @@ class ContactEquations:
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.constraints = Constraints(V, self.surfaces, bcs, self.rigid)
         self.fixed = self.constraints.fixed.reshape(-1)
-        removed = zip(self.surfaces, self.constraints.removed_multipliers, strict=True)
+        removed = [c.removed_multipliers for c in self.constraints.surfaces]
         self.terms = [
             SurfaceTerm(s, i, mask)
             if s.rigid_body is None
             else RigidTerm(s, i, mask, bodies=self.rigid)
-            for i, (s, mask) in enumerate(removed)
+            for i, (s, mask) in enumerate(zip(self.surfaces, removed, strict=True))
         ]
         self.forced_r = r
         self.scaling = Scaling(bulk, V, self.terms, self.constraints.fixed, self.rigid, r)
@@ -159,14 +159,14 @@ class ContactEquations:
         held = [None] * len(self.terms) if statuses is None else statuses
         with logged("ContactStatus"):
             parts = zip(self.terms, multipliers, held, strict=True)
-            states = [term.evaluate(u, q, owned, codes) for term, owned, codes in parts]
-        return Evaluation(x.array_r.copy(), u, q, states)
+            surfaces = [term.evaluate(u, q, owned, codes) for term, owned, codes in parts]
+        return Evaluation(x.array_r.copy(), u, q, surfaces)
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """Write H(x) into ``b`` and return the evaluation; see `evaluate`."""
-        state = self.evaluate(x, statuses)
-        b.array[:] = np.concatenate(state.rows)
-        return state
+        evaluation = self.evaluate(x, statuses)
+        b.array[:] = np.concatenate(evaluation.rows)
+        return evaluation
 
     def evaluate(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """Evaluate the contact points and the rows of H at ``x``.
@@ -175,33 +175,26 @@ class ContactEquations:
             x: unknowns.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
-        at = self.contact(x, statuses)
+        evaluation = self.contact(x, statuses)
+        u = evaluation.u
         # step from the unknowns to the prescribed values
-        off = at.u - self.constraints.displacement()
-        off_motions = at.q - self.constraints.motions()
+        off = u - self.constraints.displacement()
+        off_motions = evaluation.q - self.constraints.motions()
         du = np.where(self.fixed, -off, 0.0)
         dq = np.where(self.rigid.fixed, -off_motions, 0.0)
         # body; for a linear one K (u + du) + f needs no assembly
-        affine = self.bulk.affine_residual(at.u + du)
-        body = self.bulk.residual_at(at.u) if affine is None else affine
-        rows = Rows(body, [found.off for found in at.surfaces], np.zeros(self.rigid.size))
+        affine = self.bulk.affine_residual(u + du)
+        body = self.bulk.residual_at(u) if affine is None else affine
+        rows = Rows(body, [c.off for c in evaluation.surfaces], np.zeros(self.rigid.size))
         for term in self.terms:
-            term.add_forces(at, rows)
+            term.add_forces(evaluation, rows)
         reactions = rows.body.copy()
-        if any_rank(self.comm, du.any() or dq.any()):
-            if affine is None:
-                rows.body += self.bulk.rate_at(at.u, du)
-            for term in self.terms:
-                term.add_rate(at, du, dq, rows)
-        # rows of prescribed values
-        k = self.scaling.stiffness
-        fixed = self.fixed[: len(rows.body)]
-        rows.body[fixed] = k * off[: len(rows.body)][fixed]
-        laws = self._law_rows(rows.laws, x)
-        pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
-        rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
-        parts = self._ramped([rows.body, *laws, self.rigid.here(rigid)], slice(None))
-        return replace(at, rows=parts, reactions=reactions, pushes=-pushed)
+        self._add_rate(evaluation, du, dq, rows, body=affine is None)
+        if self.rigid.size:
+            rows.pushed = total(self.comm, rows.pushed)
+        parts = self._owned_rows(rows, off, off_motions, self.rigid.loads, x)
+        parts = self._ramped(parts, slice(None))
+        return replace(evaluation, rows=parts, reactions=reactions, pushes=-rows.pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
         """Return the owned contact rows of H, without evaluating the body.
@@ -210,21 +203,13 @@ class ContactEquations:
             x: unknowns satisfying the Dirichlet conditions.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
-        at = self.contact(x, statuses)
-        rows = self._law_rows([found.off for found in at.surfaces], x)
+        evaluation = self.contact(x, statuses)
+        rows = self._law_rows([c.off for c in evaluation.surfaces], x)
         return np.concatenate(self._ramped(rows, slice(1, -1)))
-
-    def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
-        """Return rows of H minus the part 1 - s of those at the start of a growing load."""
-        ramp = self.constraints.ramp
-        if ramp is None or not ramp.rows:
-            return rows
-        pairs = zip(rows, ramp.rows[fields], strict=True)
-        return [row - (1.0 - ramp.fraction) * first for row, first in pairs]
 
     def rates(
         self,
-        at: Evaluation,
+        evaluation: Evaluation,
         body: Array,
         answers: Sequence[Array | None],
         dirichlet: Array,
@@ -234,7 +219,7 @@ class ContactEquations:
         """Return the owned rows of dH/dgamma for a parameter gamma, at fixed statuses.
 
         Args:
-            at: evaluation with these statuses.
+            evaluation: evaluation with these statuses.
             body: rates of the rows of the body at fixed unknowns, owned.
             answers: rates of the answers at fixed unknowns, shape (n, dim), surface by surface;
                 None for surfaces whose law does not depend on the parameter.
@@ -242,25 +227,47 @@ class ContactEquations:
             loads: rates of the loads on the rigid bodies, 0 where their motion is prescribed.
             motions: rates of the prescribed motions, 0 where they are free.
         """
-        pairs = zip(at.surfaces, answers, strict=True)
-        laws = [np.zeros_like(s.traction) if rate is None else -rate for s, rate in pairs]
+        pairs = zip(evaluation.surfaces, answers, strict=True)
+        laws = [np.zeros_like(c.traction) if rate is None else -rate for c, rate in pairs]
         rows = Rows(body.copy(), laws, np.zeros(self.rigid.size))
-        if any_rank(self.comm, dirichlet.any() or motions.any()):
-            rows.body += self.bulk.rate_at(at.u, dirichlet)
-            for term in self.terms:
-                term.add_rate(at, dirichlet, motions, rows)
-        k = self.scaling.stiffness
-        fixed = self.fixed[: len(rows.body)]
-        rows.body[fixed] = -k * dirichlet[: len(rows.body)][fixed]
-        parts = [rows.body, *self._law_rows(rows.laws)]
-        return np.concatenate([*parts, self.rigid.here(-loads - k * motions)])
+        self._add_rate(evaluation, dirichlet, motions, rows, body=True)
+        return np.concatenate(self._owned_rows(rows, -dirichlet, -motions, loads))
 
-    def _law_rows(self, laws: Sequence[Array], x: PETSc.Vec | None = None) -> list[Array]:
+    def _add_rate(
+        self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows, *, body: bool
+    ) -> None:
+        """Add the derivative of the terms along a motion to rows, that of the body if ``body``."""
+        if not any_rank(self.comm, du.any() or dq.any()):
+            return
+        if body:
+            rows.body += self.bulk.rate_at(evaluation.u, du)
+        for term in self.terms:
+            term.add_rate(evaluation, du, dq, rows)
+
+    def _owned_rows(
+        self, rows: Rows, off: Array, off_motions: Array, loads: Array, x: PETSc.Vec | None = None
+    ) -> list[Array]:
+        """Return the owned rows, by field, from the sums of the terms.
+
+        Args:
+            rows: sums of the terms; the rows of rigid bodies are summed over all ranks.
+            off: differences from the Dirichlet values, at the local displacement dofs.
+            off_motions: differences from the prescribed motions of rigid bodies.
+            loads: loads on the rigid bodies.
+            x: unknowns for the rows of removed multipliers; default: 0 in these rows.
+        """
+        k = self.scaling.stiffness
+        n = len(rows.body)
+        body = np.where(self.fixed[:n], k * off[:n], rows.body)
+        rigid = np.where(self.rigid.fixed, k * off_motions, rows.pushed - loads)
+        return [body, *self._law_rows(rows.laws, x), self.rigid.here(rigid)]
+
+    def _law_rows(self, laws: Sequence[Array], x: PETSc.Vec | None) -> list[Array]:
         """Return the rows of the multipliers from the residuals of the tractions at the points.
 
         Args:
             laws: residuals, shape (n, dim), surface by surface.
-            x: unknowns for the rows of removed multipliers; default: 0 in these rows.
+            x: unknowns for the rows of removed multipliers; None: 0 in these rows.
         """
         owned: Sequence[Array | float] = [0.0] * len(laws)
         if x is not None:
@@ -269,6 +276,14 @@ class ContactEquations:
             np.where(term.removed, self.scaling.stiffness * values, term.surface.points.rows(off))
             for term, off, values in zip(self.terms, laws, owned, strict=True)
         ]
+
+    def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
+        """Return rows of H minus the part 1 - s of those at the start of a growing load."""
+        ramp = self.constraints.ramp
+        if ramp is None or not ramp.rows:
+            return rows
+        pairs = zip(rows, ramp.rows[fields], strict=True)
+        return [row - (1.0 - ramp.fraction) * first for row, first in pairs]
 
     @cached_property
     def bare_nodes(self) -> Ints:
@@ -379,83 +394,9 @@ class ContactEquations:
         equations.terms = list(terms)
         return equations
 
-    def memory_after(self, at: Evaluation) -> tuple[Memory, ...]:
+    def memory_after(self, evaluation: Evaluation) -> tuple[Memory, ...]:
         """Return the memory after a step ending in this state. Not collective."""
-        return tuple(term.memory_after(at) for term in self.terms)
-
-
-class Unknowns:
-    """Layout of the unknowns in PETSc vectors.
-
-    The unknowns of a rank are its displacements, its multipliers surface by surface, divided by a
-    typical stiffness per area, and, on rank 0, the motions of rigid bodies (`evaluation`).
-
-    Args:
-        displacement: Function that receives displacements to update their ghosts.
-        multipliers: spaces of the multipliers, surface by surface.
-        rigid: rigid bodies.
-        stiffness_per_area: units of the multipliers, surface by surface.
-
-    Attributes:
-        sizes: numbers of owned unknowns: displacement, multipliers by surface, rigid bodies.
-        global_sizes: the same over all ranks.
-        units: factors from the unknowns of the PETSc vectors to the user's units, one per field; 1
-            for the rigid bodies, which have units of their own (`RigidBodies.units`).
-    """
-
-    def __init__(
-        self,
-        displacement: fem.Function,
-        multipliers: Sequence[fem.FunctionSpace],
-        rigid: RigidBodies,
-        stiffness_per_area: Sequence[float],
-    ):
-        self.comm = displacement.function_space.mesh.comm
-        self._displacement = displacement
-        self._rigid = rigid
-        spaces = [displacement.function_space, *multipliers]
-        maps = [(W.dofmap.index_map, W.dofmap.index_map_bs) for W in spaces]
-        self.sizes = [*(m.size_local * bs for m, bs in maps), rigid.owned]
-        self.global_sizes = [*(int(m.size_global) * bs for m, bs in maps), rigid.size]
-        self.units = [1.0, *stiffness_per_area, 1.0]
-        ends = np.cumsum(self.sizes).tolist()
-        self._slices = [slice(b - n, b) for b, n in zip(ends, self.sizes, strict=True)]
-
-    def create_vector(self) -> PETSc.Vec:
-        """Create a vector of all unknowns. Collective."""
-        return PETSc.Vec().createMPI((sum(self.sizes), None), comm=self.comm)
-
-    def blocks(self, x: PETSc.Vec) -> list[Array]:
-        """Return copies of the owned parts of ``x``, one array per field."""
-        values = x.array_r.copy()
-        return [values[part] for part in self._slices]
-
-    def fields(self, x: PETSc.Vec) -> list[Array]:
-        """Return the owned values of displacement and multipliers, in the user's units."""
-        return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)][:-1]
-
-    def displacement(self, x: PETSc.Vec) -> Array:
-        """Return the displacement at all local dofs, including ghosts. Collective."""
-        f = self._displacement
-        n = self.sizes[0]
-        f.x.array[:n] = x.array_r[:n]
-        f.x.scatter_forward()
-        return f.x.array.copy()
-
-    def motions(self, x: PETSc.Vec) -> Array:
-        """Return the unknowns of the rigid bodies, on every rank. Collective."""
-        return self._rigid.everywhere(x.array_r[self._slices[-1]])
-
-    def write(self, fields: Sequence[Array], q: Array, x: PETSc.Vec) -> None:
-        """Write values into ``x``.
-
-        Args:
-            fields: displacement and multipliers at least at the owned dofs, in the user's units.
-            q: unknowns of the rigid bodies.
-            x: vector of unknowns.
-        """
-        parts = zip([*fields, self._rigid.here(q)], self.units, self.sizes, strict=True)
-        x.array[:] = np.concatenate([values[:n] / unit for values, unit, n in parts])
+        return tuple(term.memory_after(evaluation) for term in self.terms)
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:

@@ -10,24 +10,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.obstacles import Measured
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["Constancy", "Datum", "data_in", "data_of_surface", "data_within", "placed_data"]
-
-_SAME = 1e-9  # relative change that counts as none
+__all__ = ["Datum", "data_in", "data_of_surface", "data_within", "placed_data"]
 
 
 class Datum(NamedTuple):
@@ -114,52 +108,3 @@ def _placed(
         number = f" {i}" if len(constants) > 1 else ""
         which = f"the Constant {c.name!r}" if hasattr(c, "name") else f"the Constant{number}"
         yield Datum(place if c is e else f"{which} in {place}", c)
-
-
-class Constancy:
-    """Test that data keep the values that they have at construction.
-
-    Args:
-        comm: communicator of all ranks with these data.
-        data: tested data.
-    """
-
-    def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
-        self._comm = comm
-        self._data = list(data)
-        self._values = [d.values.copy() for d in self._data]
-
-    def changed(self) -> str:
-        """Return the place of a datum that has changed by more than 1e-9 of its size. Collective.
-
-        The text includes both values of a Constant; it is empty if nothing has changed.
-        """
-        if not self._data:
-            return ""
-        pairs = list(zip(self._data, self._values, strict=True))
-        mine = [
-            (np.max(_change(d.values, v), initial=0.0), np.max(np.abs(v), initial=0.0))
-            for d, v in pairs
-        ]
-        found: Any = largest(self._comm, mine)
-        for (d, v), (here, _), (away, size) in zip(pairs, mine, found, strict=True):
-            if away > 0 and not away <= _SAME * size:  # the size is NaN where a datum is
-                text = d.place
-                if not hasattr(d.value, "x"):
-                    text += f" ({v.tolist()} before, {d.values.tolist()} now)"
-                # In the words of a rank on which it has changed.
-                told = self._comm.allgather(text if here > 0 and not here <= _SAME * size else "")
-                return next(w for w in told if w)
-        return ""
-
-    def restore(self) -> None:
-        """Put the values back, bit by bit. Not collective."""
-        for d, values in zip(self._data, self._values, strict=True):
-            d.values[...] = values
-
-
-def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Absolute differences; 0 where both are NaN, infinite where one of them is not finite."""
-    away = np.full(np.shape(a), np.inf)
-    np.subtract(a, b, out=away, where=np.isfinite(a) & np.isfinite(b))
-    return np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(away))

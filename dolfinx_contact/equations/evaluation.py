@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The terms of contact surfaces and rigid bodies in H, and the values found by one evaluation.
+r"""The values found by one evaluation of H, and the terms of contact surfaces that find them.
 
-Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; the law
-answers tau. B maps displacements to jumps (`points.jump_operators`). A surface adds
+Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; tau is the
+traction required by the law. B maps displacements to jumps (`points.jump_operators`). A surface
+adds
 
-    H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)),
+    H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)).
 
-Unknowns q of rigid bodies are displacements, and rotations times a length, the largest distance of
-a contact point from the reference point. All unknowns are thus lengths and all rows forces. Rank 0
-owns them, after its other unknowns. With the forces f = B^T W t of the surfaces touching a body,
+If it touches a rigid body with the unknowns q (`unknowns`), it also adds
 
-    H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere,
+    H_q += Phi^T B^T W t,
 
 where column k of Phi is the motion of the nodes for a unit of the unknown k.
 """
@@ -20,16 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate, pairwise
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
-
-from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Codes, Mask
-from dolfinx_contact._mpi import maximum, require
+from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws import Answers, HeldAnswers, PointData
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
@@ -38,23 +32,21 @@ from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = [
-    "ContactState",
     "Evaluation",
-    "RigidBodies",
     "RigidTerm",
     "Rows",
     "Statuses",
+    "SurfaceEvaluation",
     "SurfaceTerm",
     "differs",
 ]
 
 #: Status codes of the contact points of this rank, surface by surface.
 Statuses = Sequence[Codes]
-T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
-class ContactState:
+class SurfaceEvaluation:
     """Evaluation of one contact surface: its n contact points on this rank.
 
     The *answer* tau of the law is the traction that it requires for jump j and traction t.
@@ -182,7 +174,7 @@ class Evaluation:
     unknowns: Array
     u: Array
     q: Array
-    surfaces: Sequence[ContactState]
+    surfaces: Sequence[SurfaceEvaluation]
     rows: Sequence[Array] = ()
     reactions: Array | None = None
     pushes: Array | None = None
@@ -202,113 +194,6 @@ def _turning(n: Array, v: Array) -> Array:
     """Return the matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
     along = np.sum(n * v, axis=1)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
-
-
-# -- rigid bodies ----------------------------------------------------------------------------------
-
-
-class RigidBodies:
-    """Rigid bodies that surfaces touch. Their values are the same on every rank.
-
-    Args:
-        V: space of the displacement.
-        surfaces: discretisations of the contact surfaces.
-        body_size: size of the deformable bodies, a length for bodies without another one.
-
-    Attributes:
-        bodies: rigid bodies, in the order of the surfaces.
-        slices: places of the unknowns of each body.
-        size: number of unknowns.
-        owned: number of unknowns on this rank.
-        fixed: mask of the prescribed unknowns, shape (size,).
-        units: ratios of unknowns to displacements and rotations, shape (size,).
-        numbers: loads and motions prescribed by the user, as read by `read_data`, shape (size,).
-        loads: loads F among them, in the units of their rows, 0 where the motion is prescribed.
-
-    Raises:
-        ValueError: on every rank, if two bodies have one name.
-    """
-
-    def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[DiscreteSurface], body_size: float):
-        self.comm = V.mesh.comm
-        self.surfaces = list(surfaces)
-        touched = [s.rigid_body for s in surfaces if s.rigid_body is not None]
-        self.bodies = list(dict.fromkeys(touched))
-        names = [b.name for b in self.bodies]
-        unique = len(set(names)) == len(names)
-        require(self.comm, unique, f"rigid bodies need different names, got {names}")
-        ends = list(accumulate((len(b.components) for b in self.bodies), initial=0))
-        self.slices = {b: slice(*c) for b, c in zip(self.bodies, pairwise(ends), strict=True)}
-        self.size = ends[-1]
-        self.owned = self.size if self.comm.rank == 0 else 0
-        none = np.zeros(0, dtype=bool)
-        self.fixed = np.concatenate([none, *(b.fixed for b in self.bodies)])
-        self.units = np.ones(self.size)
-        for b, part in self.slices.items():
-            self.units[part][b.dim :] = self._reach(b) or body_size
-        self.read_data()
-
-    def _reach(self, body: RigidBody) -> float:
-        """Return the largest distance of a contact point from the reference point. Collective."""
-        touching = [s.positions for s in self.surfaces if s.rigid_body is body]
-        return maximum(self.comm, np.linalg.norm(np.concatenate(touching) - body.about, axis=1))
-
-    # -- values ----------------------------------------------------------------------------------
-
-    @property
-    def given(self) -> Array:
-        """Unknowns of the present motions of the bodies."""
-        return self.units * np.concatenate([np.zeros(0), *(b.values for b in self.bodies)])
-
-    def show(self, q: Array) -> None:
-        """Copy unknowns into the motions of the bodies."""
-        for b, part in self.slices.items():
-            b.values = (q / self.units)[part].copy()
-
-    def everywhere(self, mine: Array) -> Array:
-        """Return the unknowns on every rank from the owned ones. Collective."""
-        if not self.size:
-            return np.zeros(0)
-        return np.asarray(self.comm.bcast(np.array(mine) if self.owned else None))
-
-    def here(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return the entries of this rank."""
-        return values[: self.owned]
-
-    def of_body(self, q: Array, body: RigidBody) -> Array:
-        """Return displacement and rotation of a body."""
-        return np.asarray((q / self.units)[self.slices[body]])
-
-    def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
-        """Return force and moment on a body from rows."""
-        return np.asarray((rows * self.units)[self.slices[body]])
-
-    def conjugate(self, q: Array, pushes: Array) -> Array:
-        """Return forces conjugate to the unknowns from forces and moments in their rows."""
-        found = pushes.copy()
-        for b, part in self.slices.items():
-            if any(s.partner.turns and s.rigid_body is b for s in self.surfaces):
-                found[part][b.dim :] = (
-                    b.kinematics.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
-                )
-        return found
-
-    # -- data ------------------------------------------------------------------------------------
-
-    def read_data(self) -> None:
-        """Read the present loads and motions of the user."""
-        self.numbers = np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
-        self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
-
-    def names(self, motions: Array) -> str:
-        """Return the names of the components that take part in motions (k, size)."""
-        size = np.abs(motions).max(axis=0, initial=0.0)
-        words = [
-            f"{'translation' if len(c) == 1 else 'rotation about'} {c[-1]} of {b.name}"
-            for b in self.bodies
-            for c in b.components
-        ]
-        return ", ".join(w for w, v in zip(words, size, strict=True) if v > 1e-6)
 
 
 # -- terms -----------------------------------------------------------------------------------------
@@ -352,7 +237,7 @@ class SurfaceTerm:
 
     def evaluate(
         self, u: Array, q: Array, multipliers: Array, statuses: Codes | None
-    ) -> ContactState:
+    ) -> SurfaceEvaluation:
         """Evaluate kinematics and law.
 
         Args:
@@ -375,35 +260,35 @@ class SurfaceTerm:
         absent = at.operator.absent
         if absent is not None:
             codes = np.where(absent, s.law_at_points.codes[0], codes)
-        return ContactState(at, traction, codes, answers)
+        return SurfaceEvaluation(at, traction, codes, answers)
 
     def kinematics(self, u: Array, q: Array) -> Kinematics:
         """Return gap, slip and B at a displacement and unknowns of the rigid bodies."""
         s = self.surface
         return s.kinematics(u.reshape(-1, s.dim), self.motion(q), self.memory)
 
-    def gaps(self, at: Evaluation) -> Array:
+    def gaps(self, evaluation: Evaluation) -> Array:
         """Return gaps at the points as in the law, but pointwise also in the mixed method."""
         s = self.surface
         if s.method != "mixed" or s.slides:
-            return at.surfaces[self.number].kinematics.gap
-        nodes = self.relative(at.u, at.q)
+            return evaluation.surfaces[self.number].kinematics.gap
+        nodes = self.relative(evaluation.u, evaluation.q)
         jumps = (nodes - s.opposite(nodes))[s.points.trace_dofs[: s.points.number]]
         return np.asarray(s.points.gaps - np.sum(jumps * s.points.data.n, axis=1))
 
-    def memory_after(self, at: Evaluation) -> Memory:
+    def memory_after(self, evaluation: Evaluation) -> Memory:
         """Return the memory after a step ending in a state. Not collective."""
         s = self.surface
-        found = at.surfaces[self.number]
-        fields = {name: found.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
+        contact = evaluation.surfaces[self.number]
+        fields = {name: contact.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
         if s.law_at_points.compiled.knows_slip:
-            fields[SLID] = slid_after(found.data, found.jump, found.statuses)
+            fields[SLID] = slid_after(contact.data, contact.jump, contact.statuses)
         return Memory(
-            found.kinematics.whole,
+            contact.kinematics.whole,
             fields,
-            place=found.kinematics.place,
-            motion=found.kinematics.motion,
-            displacement=at.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None,
+            place=contact.kinematics.place,
+            motion=contact.kinematics.motion,
+            displacement=evaluation.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None,
         )
 
     # -- motion relative to the obstacle, overridden by `RigidTerm` ----------------------------
@@ -434,28 +319,28 @@ class SurfaceTerm:
 
     # -- rows ------------------------------------------------------------------------------------
 
-    def add_forces(self, at: Evaluation, rows: Rows) -> Array:
+    def add_forces(self, evaluation: Evaluation, rows: Rows) -> Array:
         """Subtract the contact forces at a state from rows, and return them."""
-        found = at.surfaces[self.number]
-        forces = found.kinematics.operator.transpose(found.traction)
+        contact = evaluation.surfaces[self.number]
+        forces = contact.kinematics.operator.transpose(contact.traction)
         rows.body -= forces
         return forces
 
-    def add_rate(self, at: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
+    def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
         """Add to rows the derivative of the term along a motion, at fixed tractions and statuses.
 
         Rows of rigid bodies are not changed.
 
         Args:
-            at: state.
+            evaluation: state.
             du: increment of the displacement at all local dofs.
             dq: increment of the unknowns of the rigid bodies.
             rows: rows that are changed.
         """
-        found = at.surfaces[self.number]
-        step = self.relative_rate(at.u, at.q, du, dq)
-        rows.body -= found.kinematics.operator.transpose_rate(found.traction, step)
-        rows.laws[self.number] = rows.laws[self.number] - found.change(step)
+        contact = evaluation.surfaces[self.number]
+        step = self.relative_rate(evaluation.u, evaluation.q, du, dq)
+        rows.body -= contact.kinematics.operator.transpose_rate(contact.traction, step)
+        rows.laws[self.number] = rows.laws[self.number] - contact.change(step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -524,24 +409,24 @@ class RigidTerm(SurfaceTerm):
             rows[self.motion_slice][[0, 2]] = 0.0
         return rows
 
-    def add_forces(self, at: Evaluation, rows: Rows) -> Array:
-        forces = super().add_forces(at, rows)
-        rows.pushed += self.pushes(forces, at.u, at.q)
+    def add_forces(self, evaluation: Evaluation, rows: Rows) -> Array:
+        forces = super().add_forces(evaluation, rows)
+        rows.pushed += self.pushes(forces, evaluation.u, evaluation.q)
         return forces
 
-    def add_rate(self, at: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
+    def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
         """See `SurfaceTerm.add_rate`.
 
         Jump and normal turn with the frame of the body. Laws are objective, so a rotation w adds
         w x tau - dtau/dt (w x t).
         """
-        super().add_rate(at, du, dq, rows)
+        super().add_rate(evaluation, du, dq, rows)
         if not self.surface.partner.turns:
             return
-        found, rigid = at.surfaces[self.number], self.body.kinematics
-        turning = rigid.spin(self.motion(at.q)) @ self.motion(dq)[self.surface.dim :]
-        turned = rigid.crossed(turning, found.traction)
-        back = np.einsum("nij,nj->ni", found.by_traction, turned)
+        contact, rigid = evaluation.surfaces[self.number], self.body.kinematics
+        turning = rigid.spin(self.motion(evaluation.q)) @ self.motion(dq)[self.surface.dim :]
+        turned = rigid.crossed(turning, contact.traction)
+        back = np.einsum("nij,nj->ni", contact.by_traction, turned)
         rows.laws[self.number] = (
-            rows.laws[self.number] - rigid.crossed(turning, found.answer) + back
+            rows.laws[self.number] - rigid.crossed(turning, contact.answer) + back
         )

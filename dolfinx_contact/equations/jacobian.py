@@ -28,8 +28,10 @@ constant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -37,10 +39,9 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import Entries, destroy, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation, RigidTerm
+from dolfinx_contact.equations.evaluation import Evaluation, RigidTerm, SurfaceEvaluation
 from dolfinx_contact.points.jump_operators import ConstantOperator
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
 
 if TYPE_CHECKING:
@@ -84,15 +85,15 @@ class JacobianSolver:
         """Preconditioner for systems containing the Jacobian; None if it must be factorised."""
         return None
 
-    def update(self, state: Evaluation) -> None:
+    def update(self, evaluation: Evaluation) -> None:
         """Assemble the Jacobian at an evaluation."""
         raise NotImplementedError
 
-    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, evaluation: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Solve the rows of the contact surface for its unknowns.
 
         Args:
-            state: evaluation of H.
+            evaluation: evaluation of H.
             residual: H.
             correction: vector that receives the vector to subtract, zero off the surface.
 
@@ -103,19 +104,42 @@ class JacobianSolver:
 
 
 @dataclass(frozen=True)
-class _Block:
-    """Entries of one surface: places of its dofs among all unknowns, -1 for missing ones."""
+class _Dofs:
+    """Unknowns of one surface: their places among all unknowns, and the stencils that use them.
+
+    Attributes:
+        operator: operator B, whose stencils are groups of points with common dofs.
+        unit: factor from unknowns to multipliers.
+        bodies: places of the displacements, -1 if fixed, shape (groups, k, dim).
+        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
+    """
 
     operator: ConstantOperator
     unit: float
-    bodies: Ints  # (groups, k, dim)
-    multipliers: Ints  # (groups, l, dim)
-    coupling: Array  # sum_p W_p b_pk e_pl, (groups, k, l)
+    bodies: Ints
+    multipliers: Ints
+
+    @cached_property
+    def weighted(self) -> Array:
+        """Products W_p e_pl of areas and multiplier weights, shape (groups, points, l)."""
+        stencils = self.operator.stencils
+        return self.operator.areas[stencils.points][..., None] * stencils.multiplier_weights
+
+
+class _PointTerms:
+    """Entries of one surface in which every point is alone."""
+
+    def __init__(self, dofs: _Dofs):
+        self._dofs = dofs
+        stencils = dofs.operator.stencils
+        weighted = dofs.operator.areas[stencils.points][:, :, None] * stencils.weights
+        #: Sums over the points p of W_p b_pk e_pl, shape (groups, k, l).
+        self._coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
 
     def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
-        u = self.bodies
-        m = self.multipliers
+        u = self._dofs.bodies
+        m = self._dofs.multipliers
         g, k, d = u.shape
         n = m.shape[1]
         full = (g, n, d, k, d)
@@ -128,16 +152,15 @@ class _Block:
         columns = [np.broadcast_to(j, i.shape).reshape(-1) for i, j in places]
         return np.concatenate(rows), np.concatenate(columns)
 
-    def values(self, state: ContactState) -> Array:
+    def values(self, contact: SurfaceEvaluation) -> Array:
         """Return the entries of S at an evaluation."""
-        stencils = self.operator.stencils
+        stencils = self._dofs.operator.stencils
+        unit, weighted = self._dofs.unit, self._dofs.weighted
         at = stencils.points
         e = stencils.multiplier_weights
-        dim = self.bodies.shape[2]
-        W = self.operator.areas[at]
-        by_jump = state.by_jump[at]
-        by_traction = np.eye(dim) - state.by_traction[at]
-        weighted = W[..., None] * e
+        dim = self._dofs.bodies.shape[2]
+        by_jump = contact.by_jump[at]
+        by_traction = np.eye(dim) - contact.by_traction[at]
         if stencils.identity:  # one point a group, e = 1
             jump = (
                 -weighted[:, 0, :, None, None, None]
@@ -149,10 +172,103 @@ class _Block:
                 "gpl,gpk,gpij->glikj", weighted, stencils.weights, by_jump, optimize=True
             )
             traction = np.einsum("gpl,gpm,gpij->glimj", weighted, e, by_traction, optimize=True)
-        force = -self.unit * np.repeat(self.coupling[..., None], dim, axis=3)
-        return np.concatenate(
-            [force.reshape(-1), jump.reshape(-1), self.unit * traction.reshape(-1)]
-        )
+        force = -unit * np.repeat(self._coupling[..., None], dim, axis=3)
+        return np.concatenate([force.reshape(-1), jump.reshape(-1), unit * traction.reshape(-1)])
+
+
+class _RigidTerms:
+    """Entries of one surface touching a rigid body.
+
+    Args:
+        dofs: unknowns of the surface.
+        motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
+        at_points: B Phi, motions of the points per unknown of the body, shape (n, dim, k).
+    """
+
+    def __init__(self, dofs: _Dofs, motions: Ints, at_points: Array):
+        self._dofs = dofs
+        self._motions = motions
+        self._at_points = at_points
+
+    def entries(self) -> tuple[Ints, Ints]:
+        """Return rows and columns, in the order of `values`."""
+        multipliers = self._dofs.multipliers
+        m = np.broadcast_to(multipliers[..., None], (*multipliers.shape, len(self._motions)))
+        q = np.broadcast_to(self._motions, m.shape)
+        rows, columns = (np.stack(pair).reshape(-1) for pair in ((q, m), (m, q)))
+        return rows, columns
+
+    def values(self, contact: SurfaceEvaluation) -> Array:
+        """Return the entries at an evaluation. Collective."""
+        at = self._dofs.operator.stencils.points
+        weighted = self._dofs.weighted
+        force = np.einsum("gpl,gpia->glia", weighted, self._at_points[at])
+        columns = np.moveaxis(self._at_points, 2, 0)
+        answers = np.stack([contact.along(column) for column in columns], axis=2)
+        jump = np.einsum("gpl,gpia->glia", weighted, answers[at])
+        return np.concatenate([self._dofs.unit * force.reshape(-1), jump.reshape(-1)])
+
+
+class _SpreadTerms:
+    """Entries of one surface with a nonlocal law. All methods are collective.
+
+    They are a product of three matrices: left (multipliers, points), N, and right (points,
+    unknowns).
+
+    Args:
+        dofs: unknowns of the surface.
+        law: law of the surface, with the matrix N.
+        comm: communicator of the problem.
+        unknowns: number of unknowns of this rank.
+    """
+
+    def __init__(self, dofs: _Dofs, law: LawAmongPoints, comm: MPI.Comm, unknowns: int):
+        self._dofs = dofs
+        self._N = law.neighbours.matrix
+        stencils = dofs.operator.stencils
+        n = len(dofs.operator.areas)
+        point = (comm.exscan(n) or 0) + stencils.points[:, :, None, None]
+
+        def pairs(places: Ints) -> tuple[Ints, Ints]:
+            shape = *stencils.points.shape, *places.shape[1:]
+            at = np.broadcast_to(point, shape)
+            of = np.broadcast_to(places[:, None], shape)
+            return at.reshape(-1), of.reshape(-1)
+
+        at, of = pairs(dofs.multipliers)
+        self._left_entries = Entries(of, at)
+        self._left = matrix_of(comm, (unknowns, n), self._left_entries)
+        both = zip(pairs(dofs.bodies), (at, of), strict=True)
+        self._right_entries = Entries(*(np.concatenate(pair) for pair in both))
+        self._right = matrix_of(comm, (n, unknowns), self._right_entries)
+        self._first = self._left.matMult(self._N)
+        self._product = self._first.matMult(self._right)
+        self._rows, self._columns, _ = triplets(self._product)
+
+    def entries(self) -> tuple[Ints, Ints]:
+        """Return rows and columns, in the order of `values`."""
+        return self._rows, self._columns
+
+    def values(self, contact: SurfaceEvaluation) -> Array:
+        """Return the entries at an evaluation; zeros if a local law replaces the law."""
+        if contact.answers.spreading is None:
+            return np.zeros(len(self._rows))
+        stencils = self._dofs.operator.stencils
+        at = stencils.points
+        e = stencils.multiplier_weights
+        by_jump, by_traction = contact.spread_by
+        weighted = (self._dofs.operator.areas[:, None] * contact.by_around)[at]
+        left = e[..., None] * weighted[:, :, None, :]
+        jump = stencils.weights[..., None] * by_jump[at][:, :, None, :]
+        traction = self._dofs.unit * e[..., None] * by_traction[at][:, :, None, :]
+        self._left.zeroEntries()
+        self._right.zeroEntries()
+        self._left_entries.add(left.reshape(-1), self._left)
+        right = np.concatenate([jump.reshape(-1), traction.reshape(-1)])
+        self._right_entries.add(right, self._right)
+        self._left.matMult(self._N, self._first)
+        self._first.matMult(self._right, self._product)
+        return -np.asarray(self._product.getValuesCSR()[2])
 
 
 class ContactTerms:
@@ -167,15 +283,13 @@ class ContactTerms:
         eq = equations
         #: Places of the unknowns, also for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
-        removed = np.concatenate(eq.constraints.removed_multipliers)
+        removed = np.concatenate([c.removed_multipliers for c in eq.constraints.surfaces])
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         mine = eq.rigid.here(numbering.rigid)
         # Diagonal of removed and prescribed unknowns, to be multiplied by a typical stiffness.
         self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
-        self._blocks: list[tuple[int, _Block | _RigidTerms | _SpreadTerms]] = []
+        self._blocks: list[tuple[int, _PointTerms | _RigidTerms | _SpreadTerms]] = []
         self._sliding: list[tuple[int, SlidingTerms]] = []
-        rows = [held, mine]
-        columns = [held, mine]
         for i, term in enumerate(eq.terms):
             s = term.surface
             if s.slides:
@@ -184,30 +298,20 @@ class ContactTerms:
                 self._sliding.append((i, SlidingTerms(eq, i, numbering)))
                 continue
             operator = s.constant_operator("the Jacobian, whose pattern never changes,")
-            stencils = operator.stencils
-            weighted = operator.areas[stencils.points][:, :, None] * stencils.weights
-            coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
-            bodies = numbering.places(0, stencils.nodes)
-            multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
-            blocks: list[_Block | _RigidTerms | _SpreadTerms] = [
-                _Block(operator, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
-            ]
+            bodies = numbering.places(0, operator.stencils.nodes)
+            multipliers = numbering.places(i + 1, operator.stencils.multiplier_nodes)
+            dofs = _Dofs(operator, eq.unknowns.units[i + 1], bodies, multipliers)
+            self._blocks.append((i, _PointTerms(dofs)))
             if isinstance(term, RigidTerm):
-                places = np.where(eq.rigid.fixed, -1, numbering.rigid)[term.motion_slice]
+                motions = np.where(eq.rigid.fixed, -1, numbering.rigid)[term.motion_slice]
                 at_points = term.motions_at_points()
-                blocks.append(
-                    _RigidTerms(operator, eq.unknowns.units[i + 1], places, multipliers, at_points)
-                )
-            if s.law.averaging is not None:
+                self._blocks.append((i, _RigidTerms(dofs, motions, at_points)))
+            law = s.law_at_points
+            if isinstance(law, LawAmongPoints):
                 n = sum(eq.owned_sizes)
-                blocks.append(
-                    _SpreadTerms(s, operator, eq.unknowns.units[i + 1], bodies, multipliers, n)
-                )
-            for block in blocks:
-                row, column = block.entries()
-                rows.append(row)
-                columns.append(column)
-                self._blocks.append((i, block))
+                self._blocks.append((i, _SpreadTerms(dofs, law, eq.comm, n)))
+        places = [(held, held), (mine, mine), *(block.entries() for _, block in self._blocks)]
+        rows, columns = zip(*places, strict=True)
         self._entries = Entries(np.concatenate(rows), np.concatenate(columns))
 
     @property
@@ -225,13 +329,13 @@ class ContactTerms:
         n = sum(self._equations.owned_sizes)
         return matrix_of(self._equations.comm, (n, n), *self.set_up())
 
-    def add(self, state: Evaluation, A: PETSc.Mat) -> None:
+    def add(self, evaluation: Evaluation, A: PETSc.Mat) -> None:
         """Add S at an evaluation to ``A``. Collective."""
-        parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
+        parts = [block.values(evaluation.surfaces[i]) for i, block in self._blocks]
         held = self._equations.scaling.stiffness * self._held
         self._entries.add(np.concatenate([held, *parts]), A)
         for i, terms in self._sliding:
-            terms.add(state.surfaces[i], A)
+            terms.add(evaluation.surfaces[i], A)
 
     def destroy(self) -> None:
         """Free the matrices."""
@@ -255,9 +359,8 @@ class _Numbering:
         self.first: int = eq.comm.exscan(n) or 0
         places = self.first + np.arange(n, dtype=np.int64)
         self.rigid: Ints = eq.comm.bcast(places[n - eq.rigid.owned :])
-        absent = np.concatenate(
-            [eq.fixed[: eq.owned_sizes[0]], *eq.constraints.removed_multipliers]
-        )
+        removed = [c.removed_multipliers for c in eq.constraints.surfaces]
+        absent = np.concatenate([eq.fixed[: eq.owned_sizes[0]], *removed])
         places[: len(absent)][absent] = -1
         #: Places of the owned dofs, by field.
         self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
@@ -323,10 +426,10 @@ class Jacobian:
         self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
         self._assemblies = -1
 
-    def update(self, state: Evaluation) -> None:
+    def update(self, evaluation: Evaluation) -> None:
         """Assemble at an evaluation; for sliding faces `matrix` may be replaced. Collective."""
         bulk = self._equations.bulk
-        K = bulk.stiffness(state.u)
+        K = bulk.stiffness(evaluation.u)
         if self._terms.changed:
             self._create()
         if self._assemblies == bulk.assemblies:
@@ -339,129 +442,8 @@ class Jacobian:
             self._fixed.add(diagonal, self.matrix)
             self.matrix.storeValues()
             self._assemblies = bulk.assemblies
-        self._terms.add(state, self.matrix)
+        self._terms.add(evaluation, self.matrix)
 
     def destroy(self) -> None:
         """Free the matrices."""
         destroy(self.matrix, self._terms)
-
-
-@dataclass(frozen=True)
-class _RigidTerms:
-    """Entries of one surface touching a rigid body.
-
-    Attributes:
-        operator: operator B.
-        unit: factor from unknowns to multipliers.
-        motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
-        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
-        at_points: B Phi, motions of the points per unknown of the body, shape (n, dim, k).
-    """
-
-    operator: ConstantOperator
-    unit: float
-    motions: Ints
-    multipliers: Ints
-    at_points: Array
-
-    def entries(self) -> tuple[Ints, Ints]:
-        """Return rows and columns, in the order of `values`."""
-        m = np.broadcast_to(
-            self.multipliers[..., None], (*self.multipliers.shape, len(self.motions))
-        )
-        q = np.broadcast_to(self.motions, m.shape)
-        rows, columns = (np.stack(pair).reshape(-1) for pair in ((q, m), (m, q)))
-        return rows, columns
-
-    def values(self, state: ContactState) -> Array:
-        """Return the entries at an evaluation. Collective."""
-        stencils = self.operator.stencils
-        at = stencils.points
-        weighted = self.operator.areas[at][..., None] * stencils.multiplier_weights
-        force = np.einsum("gpl,gpia->glia", weighted, self.at_points[at])
-        columns = range(self.at_points.shape[2])
-        answers = np.stack([state.along(self.at_points[:, :, a]) for a in columns], axis=2)
-        jump = np.einsum("gpl,gpia->glia", weighted, answers[at])
-        return np.concatenate([self.unit * force.reshape(-1), jump.reshape(-1)])
-
-
-class _SpreadTerms:
-    """Jacobian entries of one surface with a nonlocal law. All methods are collective.
-
-    Args:
-        surface: contact surface.
-        operator: operator B.
-        unit: factor from unknowns to multipliers.
-        bodies: global indices of the displacements, -1 if fixed, shape (groups, k, dim).
-        multipliers: global indices of the multipliers, -1 if removed, shape (groups, l, dim).
-        unknowns: number of unknowns of this rank.
-    """
-
-    def __init__(
-        self,
-        surface: DiscreteSurface,
-        operator: ConstantOperator,
-        unit: float,
-        bodies: Ints,
-        multipliers: Ints,
-        unknowns: int,
-    ):
-        self._operator = operator
-        self._unit = unit
-        comm = surface.comm
-        stencils = operator.stencils
-        n = surface.points.number
-        law = surface.law_at_points
-        assert isinstance(law, LawAmongPoints)
-        self._N = law.neighbours.matrix
-        point = (comm.exscan(n) or 0) + stencils.points[:, :, None, None]
-
-        def pairs(places: Ints) -> tuple[Ints, Ints]:
-            shape = *stencils.points.shape, *places.shape[1:]
-            at = np.broadcast_to(point, shape)
-            of = np.broadcast_to(places[:, None], shape)
-            return at.reshape(-1), of.reshape(-1)
-
-        at, of = pairs(multipliers)
-        self._left_entries = Entries(of, at)
-        self._left = matrix_of(comm, (unknowns, n), self._left_entries)
-        both = zip(pairs(bodies), (at, of), strict=True)
-        self._right_entries = Entries(*(np.concatenate(pair) for pair in both))
-        self._right = matrix_of(comm, (n, unknowns), self._right_entries)
-        self._number = 0
-        self._first: PETSc.Mat | None = None
-        self._product: PETSc.Mat | None = None
-
-    def _multiply(self) -> None:
-        self._first = self._left.matMult(self._N, self._first)
-        self._product = self._first.matMult(self._right, self._product)
-
-    def entries(self) -> tuple[Ints, Ints]:
-        """Return rows and columns, in the order of `values`."""
-        self._multiply()
-        assert self._product is not None
-        rows, columns, _ = triplets(self._product)
-        self._number = len(rows)
-        return rows, columns
-
-    def values(self, state: ContactState) -> Array:
-        """Return the entries at an evaluation; zeros if a local law replaces the law."""
-        if state.answers.spreading is None:
-            return np.zeros(self._number)
-        stencils = self._operator.stencils
-        areas = self._operator.areas
-        at = stencils.points
-        e = stencils.multiplier_weights
-        by_jump, by_traction = state.spread_by
-        weighted = (areas[:, None] * state.by_around)[at]
-        left = e[..., None] * weighted[:, :, None, :]
-        jump = stencils.weights[..., None] * by_jump[at][:, :, None, :]
-        traction = self._unit * e[..., None] * by_traction[at][:, :, None, :]
-        self._left.zeroEntries(), self._right.zeroEntries()
-        self._left_entries.add(left.reshape(-1), self._left)
-        self._right_entries.add(
-            np.concatenate([jump.reshape(-1), traction.reshape(-1)]), self._right
-        )
-        self._multiply()
-        assert self._product is not None
-        return -np.asarray(self._product.getValuesCSR()[2])

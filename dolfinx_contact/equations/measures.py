@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from petsc4py import PETSc
 
@@ -29,7 +29,7 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import any_rank, largest, maximum, sorted_rows
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation, SurfaceEvaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -41,6 +41,7 @@ __all__ = [
     "held_back",
     "inverted",
     "least_scales",
+    "measure",
     "require_solution",
     "round_off_force",
     "without_normal",
@@ -87,8 +88,20 @@ class Measures:
         return float(np.max([self.force, self.constraint, self.cone]))
 
 
-def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
-    """Smallest force and length scales of a state, (0, 0) if its displacements are significant.
+class Scales(NamedTuple):
+    """Scales of the residual; those of a solve or of a branch only grow.
+
+    Attributes:
+        force: largest nodal force so far.
+        length: largest displacement so far.
+    """
+
+    force: float = 0.0
+    length: float = 0.0
+
+
+def least_scales(equations: ContactEquations, length: float) -> Scales:
+    """Smallest scales of a state, (0, 0) if its displacements are significant.
 
     Displacements up to 1e-12 of the body size count as zero, and so do the nodal forces that cause
     them.
@@ -98,7 +111,7 @@ def least_scales(equations: ContactEquations, length: float) -> tuple[float, flo
         length: size of the displacements.
     """
     none = _NOTHING * equations.body_size
-    return (equations.scaling.stiffness * none, none) if length <= none else (0.0, 0.0)
+    return Scales(equations.scaling.stiffness * none, none) if length <= none else Scales()
 
 
 def round_off_force(equations: ContactEquations, displacement: float) -> float:
@@ -112,53 +125,51 @@ def round_off_force(equations: ContactEquations, displacement: float) -> float:
     return equations.scaling.stiffness * max(1e-4 * displacement, strain)
 
 
-class Scales:
-    """Force and length scales of one solve; they only grow.
+def measure(
+    eq: ContactEquations,
+    evaluation: Evaluation,
+    scales: Sequence[float] = (),
+    *,
+    settled: bool = False,
+) -> tuple[Measures, Scales]:
+    """Return the measures of the rows of H, and the scales including this state. Collective.
 
     Args:
-        equations: contact problem.
+        eq: contact problem.
+        evaluation: evaluation with the rows of H.
+        scales: force and length scales of earlier states; default: none.
         settled: whether the state should be a solution, so that the scales are bounded from below
             (`least_scales`); default: False.
-        known: force and length of earlier states; default: none.
     """
-
-    def __init__(
-        self, equations: ContactEquations, *, settled: bool = False, known: Sequence[float] = ()
-    ):
-        self._equations = equations
-        self._settled = settled
-        self.force, self.length = known or (0.0, 0.0)
-
-    def measure(self, state: Evaluation) -> Measures:
-        """Return the measures of the rows of H at an evaluation. Collective."""
-        eq = self._equations
-        assert state.reactions is not None
-        stiffness = eq.scaling.stiffness
-        body, *contact, rigid = state.rows
-        held, held_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
-        pairs = zip(eq.surfaces, state.surfaces, contact, eq.scaling.at_vertices, strict=True)
-        constraint, cone, nodal, moved = np.max([_of_surface(*pair) for pair in pairs], axis=0)
-        # equilibrium and Dirichlet data
-        force, dirichlet, reaction, length = _largest(
-            (body[~held], rigid[~held_rigid]),
-            (body[held], rigid[held_rigid]),
-            (state.reactions[held],),
-            (state.u, state.q),
-        )
-        dirichlet /= stiffness
-        # scales; a moving body has a length scale even while it passes its undeformed position
-        first = force if self.force == 0.0 else 0.0
-        forces = np.max([first, reaction, nodal])
-        lengths = np.max([length, eq.bulk.reach, dirichlet, moved])
-        values = np.array([forces, lengths, force, np.max([dirichlet, constraint]), cone])
-        values = largest(eq.comm, values)
-        self.force = max(self.force, float(values[0]))
-        self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
-        if self._settled:
-            none = least_scales(eq, self.length)
-            self.force, self.length = max(self.force, none[0]), max(self.length, none[1])
-        force_scale = max(self.force, round_off_force(eq, self.length))
-        return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
+    assert evaluation.reactions is not None
+    stiffness = eq.scaling.stiffness
+    body, *laws, rigid = evaluation.rows
+    held, held_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
+    parts = zip(eq.surfaces, evaluation.surfaces, laws, eq.scaling.at_vertices, strict=True)
+    constraint, cone, nodal, moved = np.max([_of_surface(*part) for part in parts], axis=0)
+    # equilibrium and Dirichlet data
+    force, dirichlet, reaction, length = _largest(
+        (body[~held], rigid[~held_rigid]),
+        (body[held], rigid[held_rigid]),
+        (evaluation.reactions[held],),
+        (evaluation.u, evaluation.q),
+    )
+    dirichlet /= stiffness
+    # scales; a moving body has a length scale even while it passes its undeformed position
+    force_scale, length_scale = Scales(*scales)
+    first = force if force_scale == 0.0 else 0.0
+    forces = np.max([first, reaction, nodal])
+    lengths = np.max([length, eq.bulk.reach, dirichlet, moved])
+    values = np.array([forces, lengths, force, np.max([dirichlet, constraint]), cone])
+    forces, lengths, force, constraint, cone = map(float, largest(eq.comm, values))
+    force_scale = max(force_scale, forces)
+    length_scale = max(length_scale, lengths, 1e-14 * eq.body_size)
+    if settled:
+        least = least_scales(eq, length_scale)
+        force_scale, length_scale = max(force_scale, least.force), max(length_scale, least.length)
+    unit = max(force_scale, round_off_force(eq, length_scale))
+    measures = Measures(force / unit, constraint / length_scale, cone / unit)
+    return measures, Scales(force_scale, length_scale)
 
 
 def require_solution(problem: Any, hint: str = "") -> None:
@@ -175,32 +186,31 @@ def require_solution(problem: Any, hint: str = "") -> None:
     equations.read_data()
     x = problem.create_vector()
     problem.write(x)
-    state = equations.evaluate(x)
+    evaluation = equations.evaluate(x)
     x.destroy()
     tolerance = equations.options.value("snes_rtol")
     allowed = max(_SOLVED, 10.0 * float(tolerance or 0.0))
-    scales = Scales(equations, settled=True)
-    residual = scales.measure(state).worst
-    if (scales.force, scales.length) == least_scales(equations, scales.length):
+    measures, scales = measure(equations, evaluation, settled=True)
+    if scales == least_scales(equations, scales.length):
         allowed = max(allowed, _AT_REST)
-    if not residual <= allowed:
+    if not measures.worst <= allowed:
         raise ValueError(
-            f"not a solution of the problem as it is now: residual {residual:.1e} "
+            f"not a solution of the problem as it is now: residual {measures.worst:.1e} "
             f"(allowed {allowed:.0e}){hint and f'; {hint}'}"
         )
 
 
-def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> float:
+def held_back(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness: Array) -> float:
     """Largest displacement of a node of this rank if the contact force moved only this node.
 
     Args:
         s: contact surface.
-        found: evaluation of the surface.
+        contact: evaluation of the surface.
         stiffness: stiffness per area of the nodes at its local vertices, shape (n,).
     """
     if len(stiffness) == 0:
         return 0.0
-    traction = np.linalg.norm(found.traction, axis=1)
+    traction = np.linalg.norm(contact.traction, axis=1)
     # Gauss points belong to several vertices; the largest stiffness gives the strictest test.
     nodal = s.points.E is None
     resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
@@ -209,7 +219,7 @@ def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> floa
 
 
 def _of_surface(
-    s: DiscreteSurface, found: ContactState, rows: Array, stiffness: Array
+    s: DiscreteSurface, contact: SurfaceEvaluation, rows: Array, stiffness: Array
 ) -> tuple[float, float, float, float]:
     """Return measures and scales of a surface on this rank. Collective.
 
@@ -223,29 +233,29 @@ def _of_surface(
     """
     points = s.points
     moved = float(
-        np.max([held_back(s, found, stiffness), np.max(-points.vertex_gaps, initial=0.0)])
+        np.max([held_back(s, contact, stiffness), np.max(-points.vertex_gaps, initial=0.0)])
     )
     if points.E is not None:
         area = points.geometry.vertex_areas
         unit, size, traction, width = _largest(
-            (points.r * area,), (rows,), (found.traction,), (area,)
+            (points.r * area,), (rows,), (contact.traction,), (area,)
         )
         return size / maximum(s.comm, unit), size, traction * width, moved
     area = points.areas
-    n = found.data.n
+    n = contact.data.n
     rows = rows.reshape(-1, s.dim)
     normal = np.sum(rows * n, axis=1)
     along = np.abs(normal)
     across = np.linalg.norm(rows - normal[:, None] * n, axis=1)
-    touching = closed(found.statuses)
-    stuck = senses(found.statuses) == STICK
+    touching = closed(contact.statuses)
+    stuck = senses(contact.statuses) == STICK
     # The shear residual of a slipping point divided by r is a length, too: the error of the slip
     # direction. Friction may hold an open point.
     units = points.data.r * area
     length, size, force = _largest(
         (np.where(touching, along, 0.0) / units, np.where(touching | stuck, across, 0.0) / units),
         (np.where(touching, 0.0, along), np.where(stuck, 0.0, across)),
-        (found.traction * area[:, None],),
+        (contact.traction * area[:, None],),
     )
     return length, size, force, moved
 
@@ -289,22 +299,23 @@ def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
     return f"its solution has det F = {smallest:.3g} at ({where})"
 
 
-def held_across(eq: ContactEquations, state: Evaluation) -> str:
+def held_across(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return a message about a touching point held along its normal; "" if none is. Collective.
 
     With friction on a curved obstacle, a node held in one direction has no multiplier component in
     that direction, which must remain tangential.
     """
-    for held, s, found in zip(eq.constraints.held, eq.surfaces, state.surfaces, strict=True):
+    parts = zip(eq.constraints.surfaces, eq.surfaces, evaluation.surfaces, strict=True)
+    for constraints, s, contact in parts:
         if s.displaced is None or not s.displaced.friction:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
-        fixed = np.asarray(held)[s.points.vertex_trace_dofs]
+        fixed = constraints.held[s.points.vertex_trace_dofs]
         partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
         if not any_rank(eq.comm, partly):
             continue
-        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
-        normal = s.points.at_vertices(found.data.n)[:n]
+        touches = s.points.at_vertices(closed(contact.statuses).astype(float))[:n]
+        normal = s.points.at_vertices(contact.data.n)[:n]
         across = np.linalg.norm(np.where(partly[:n], normal, 0.0), axis=1)
         if any_rank(eq.comm, across[touches > 0] > _ACROSS):
             return (
@@ -315,16 +326,16 @@ def held_across(eq: ContactEquations, state: Evaluation) -> str:
     return ""
 
 
-def without_normal(eq: ContactEquations, state: Evaluation) -> str:
+def without_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return a message about a displaced point without a normal; "" if all have one. Collective."""
-    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        data = found.data
-        place = found.kinematics.place
+    for s, contact in zip(eq.surfaces, evaluation.surfaces, strict=True):
+        data = contact.data
+        place = contact.kinematics.place
         if place is None:
             continue
-        fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
-        lost = ~np.isfinite(fall + found.kinematics.gap) | (
-            closed(found.statuses) & (fall > _STEEPEST)
+        fall = np.sum(contact.kinematics.gap_slope * data.n, axis=1)
+        lost = ~np.isfinite(fall + contact.kinematics.gap) | (
+            closed(contact.statuses) & (fall > _STEEPEST)
         )
         # If the normal is finite, the undefined quantity is the slip in the step.
         turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)

@@ -33,7 +33,7 @@ from dolfinx_contact.equations.data import (
 )
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.jacobian import JacobianSolver
-from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.measures import measure
 from dolfinx_contact.equations.rates import (
     Driven,
     Rate,
@@ -96,12 +96,13 @@ class ParametricEquations(System):
         self._rigid_rates = RigidRates(equations.rigid, rate)
         self._metric: PETSc.Mat | None = None
         counts = [s.points.number for s in equations.surfaces]
+        pairs = zip(equations.surfaces, equations.constraints.surfaces, strict=True)
         self.clamped = np.concatenate(
             [
-                clamped[:n] if s.method != "integral" else np.zeros(n, dtype=bool)
-                for s, clamped, n in zip(
-                    equations.surfaces, equations.constraints.clamped, counts, strict=True
-                )
+                np.zeros(s.points.number, dtype=bool)
+                if s.method == "integral"
+                else c.clamped[: s.points.number]
+                for s, c in pairs
             ]
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
@@ -279,10 +280,9 @@ class ParametricEquations(System):
     def measure(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Sequence[float]
     ) -> tuple[float, tuple[float, ...]]:
-        units = Scales(self.equations, known=scales)
-        state = self._equations_at(gamma).residual(x, b, self.statuses_of(piece))
-        size = units.measure(state).worst
-        return size, (units.force, units.length)
+        evaluation = self._equations_at(gamma).residual(x, b, self.statuses_of(piece))
+        measures, grown = measure(self.equations, evaluation, scales)
+        return measures.worst, grown
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         linear = self._jacobian_solver
@@ -315,12 +315,12 @@ class ParametricEquations(System):
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        state = self.contact(x, gamma, piece)
+        evaluation = self.contact(x, gamma, piece)
         body = np.zeros(self.equations.owned_sizes[0])
         if self._body_rate is not None:
-            body = self.equations.bulk.assembled(self._body_rate, state.u)
-        answers = [r(s) for r, s in zip(self._rates, state.surfaces, strict=True)]
-        c.array[:] = self.equations.rates(state, body, answers, *self._data_rates())
+            body = self.equations.bulk.assembled(self._body_rate, evaluation.u)
+        answers = [r(s) for r, s in zip(self._rates, evaluation.surfaces, strict=True)]
+        c.array[:] = self.equations.rates(evaluation, body, answers, *self._data_rates())
 
     def _data_rates(self) -> tuple[Array, Array, Array]:
         """Return the derivatives of prescribed data with respect to gamma.
@@ -366,12 +366,12 @@ class ParametricEquations(System):
         return self.piece(self.contact(x, gamma, None).statuses)
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        state = self.contact(x, gamma, piece)
+        evaluation = self.contact(x, gamma, piece)
         distance = []
         point = []
         target = []
-        for (s, a, _), found in zip(self.parts(), state.surfaces, strict=True):
-            borders = found.answers.borders(found.statuses)
+        for (s, a, _), contact in zip(self.parts(), evaluation.surfaces, strict=True):
+            borders = contact.answers.borders(contact.statuses)
             i, k = np.nonzero(np.isfinite(borders.distance))
             distance.append(borders.distance[i, k] / s.points.mean_augmentation)
             point.append((i + a).astype(np.int32))

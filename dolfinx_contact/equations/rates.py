@@ -24,7 +24,8 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._ufl import derivative, not_affine
-from dolfinx_contact.equations.evaluation import ContactState, RigidBodies
+from dolfinx_contact.equations.evaluation import SurfaceEvaluation
+from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.points.evaluators import Given
 from dolfinx_contact.points.rigid_body import number
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -143,17 +144,17 @@ class SurfaceRates:
             seen = {"seen": rate.of_expression(s.displaced.seen)}
             self._evaluate = s.points.evaluator({**rates.at_points, **seen})
 
-    def __call__(self, state: ContactState) -> Array | None:
+    def __call__(self, contact: SurfaceEvaluation) -> Array | None:
         """Return the derivative at fixed unknowns, shape (n, dim); None if it vanishes. Collective.
 
         Args:
-            state: evaluation of the surface.
+            contact: evaluation of the surface.
         """
         if not self.applies:
             return None
         s = self._surface
-        data = state.data
-        at = state.kinematics
+        data = contact.data
+        at = contact.kinematics
         moved = None
         if s.displaced is not None:
             assert at.place is not None
@@ -167,8 +168,8 @@ class SurfaceRates:
             fields = {k: v for k, v in rates.fields.items() if k not in at.memory.fields}
             rates = replace(rates, fields=fields)
         law = s.law_at_points
-        rate = law.rate(state.jump, state.traction, data, rates, state.statuses, moved)
-        return rate if s.displaced is not None else rate - state.along(aside)
+        rate = law.rate(contact.jump, contact.traction, data, rates, contact.statuses, moved)
+        return rate if s.displaced is not None else rate - contact.along(aside)
 
 
 class RigidRates:

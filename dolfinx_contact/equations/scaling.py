@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
@@ -19,27 +18,24 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import maximum, require, total
-from dolfinx_contact._petsc import product
+from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import Parts, loose
 from dolfinx_contact.equations.evaluation import (
     Evaluation,
-    RigidBodies,
     RigidTerm,
     Statuses,
     SurfaceTerm,
 )
+from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
-__all__ = ["Scaling", "uniform_strains"]
+__all__ = ["Scaling"]
 
-_NO_HOOP = 1e-12  # resistance, relative to the stiffness, that counts as zero
 _ROUND_OFF = 1e-12  # shear, relative to the traction, that has no direction
 #: Ratio of r to the stiffness of a node for sliding faces, whose slips of a facet per step are far
 #: beyond those of small sliding. Shallow ironing: between 0.17 and 1.7 steps take 6 iterations,
@@ -61,7 +57,7 @@ class Scaling:
 
     Attributes:
         stiffness: mean diagonal entry of the stiffness, factor of the Dirichlet rows.
-        softness: softness of the part of the body that yields least (`_softness`).
+        softness: softness of the part of the body that yields least (`Parts.softness`).
         automatic_r: automatic r at the local vertices of each surface.
         at_vertices: stiffness per area of the nodes at the local vertices of each surface.
         parts: connected parts of the body.
@@ -105,11 +101,9 @@ class Scaling:
         if self._bulk.stiffness_mark == self._mark:
             return False
         K = self._bulk.stiffness(u)
-        if self.parts.axisymmetric:
-            _require_hoop_stiffness(K)
+        self.parts.require_hoop_stiffness(K)
         # the augmentation parameter, from the softness of every connected part
-        _, energies = uniform_strains(K, self.parts)
-        soft = np.array([_softness(of_part) for of_part in energies])
+        soft = self.parts.softness(K)
         self.softness = float(soft.min())
         self._measure(K, soft[self.parts.of_nodes])
         self._augment(self._forced)
@@ -201,7 +195,7 @@ class Scaling:
             jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
-    def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
+    def not_held(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
         """Return the names of the motions that these statuses do not hold; "" if there are none.
 
         In 3D a slipping point resists motions across its shear, because the shear turns with them.
@@ -209,7 +203,7 @@ class Scaling:
 
         Args:
             statuses: statuses of the points.
-            state: evaluation with the shear; default: none, and only sticking points hold.
+            evaluation: evaluation with the shear; default: none, and only sticking points hold.
         """
         count = len(self.loose)
         free = np.flatnonzero(~self._bodies.fixed)
@@ -220,12 +214,12 @@ class Scaling:
         for i, (s, codes, jumps) in enumerate(
             zip(self._surfaces, statuses, self._jumps, strict=True)
         ):
-            n = s.points.data.n if state is None else state.surfaces[i].data.n
+            n = s.points.data.n if evaluation is None else evaluation.surfaces[i].data.n
             normal = np.einsum("and,nd->an", jumps, n)
             along = jumps - normal[:, :, None] * n[None]
             grips = closed(codes) if s.law.creeps else senses(codes) == STICK
-            if state is not None and s.dim == 3:
-                shear = _direction(state.surfaces[i].traction, n)
+            if evaluation is not None and s.dim == 3:
+                shear = _direction(evaluation.surfaces[i].traction, n)
                 slips = ~grips & closed(codes) & shear.any(axis=1)
                 across = np.where(slips[:, None], shear, 0.0)
                 along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
@@ -248,76 +242,6 @@ def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
     """Return the stiffness of local nodes in series with that of their opposing points."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
-
-
-def _require_hoop_stiffness(K: PETSc.Mat) -> None:
-    """Raise ``ValueError`` if a stiffness does not resist radial translation. Collective.
-
-    The stiffness of a plane body does not.
-    """
-    comm = K.comm.tompi4py()
-    radial = np.tile([1.0, 0.0], K.getLocalSize()[0] // 2)
-    require(
-        comm,
-        maximum(comm, np.abs(product(K, radial))) > _NO_HOOP * K.norm(PETSc.NormType.NORM_INFINITY),
-        "the contact surfaces are axisymmetric, but the bulk is that of a plane body: its energy "
-        "must contain the hoop strain u[0]/r, as that of materials.Axisymmetric does",
-    )
-
-
-def uniform_strains(K: PETSc.Mat, parts: Parts) -> tuple[list[Array], Array]:
-    """Return displacement gradients of uniform strains, and their energies. Collective.
-
-    The displacements x E have constant gradients E, whose strains are orthonormal. E is symmetric.
-    In a body of revolution the displacements are, up to factors, (r, 0), with the same strain
-    around the axis, (0, z) and (0, r).
-
-    Args:
-        K: stiffness.
-        parts: connected parts of the body.
-
-    Returns:
-        k gradients, shape (dim, dim) each, and the energies of pairs of them in every part, shape
-        (parts, k, k).
-    """
-    p = parts.of_owned
-    dim = parts.V.mesh.geometry.dim
-    x = node_positions(parts.V)[: len(p), :dim]
-    # Relative to the centre of the part: far from the origin, strains are lost in round-off.
-    sums = parts.sums(np.column_stack([np.ones(len(p)), x]))
-    middle = sums[:, 1:] / sums[:, :1]
-    if parts.axisymmetric:
-        middle[:, 0] = 0.0
-    x = x - middle[p]
-    gradients = [np.diag(row) for row in np.eye(dim)]
-    for i, j in combinations(range(dim), 2):
-        gradients.append(np.zeros((dim, dim)))
-        gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
-    if parts.axisymmetric:
-        gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
-    fields = [x @ gradient for gradient in gradients]
-    columns = []
-    for a in fields:
-        forces = product(K, a.reshape(-1)).reshape(-1, dim)
-        columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
-    return gradients, parts.sums(np.stack(columns, axis=2))
-
-
-def _softness(energies: Array) -> float:
-    """Return the ratio of median to mean eigenvalue of the energies of uniform strains (k, k).
-
-    The energies are those of Voigt's average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65,
-    1952). Its eigenvalues are 2 mu (five times in 3D) and 3 lambda + 2 mu for an isotropic body.
-    The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
-    """
-    if not np.isfinite(energies).all() or not energies.any():
-        return 1.0
-    eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
-    last = len(eigenvalues) - 1
-    median = 0.5 * (eigenvalues[last // 2] + eigenvalues[-(last // 2) - 1])
-    share = median / eigenvalues.mean()
-    # An unstable body has no typical stiffness in this sense.
-    return float(max(share, 1e-4)) if eigenvalues[0] > 0 else 1.0
 
 
 def _direction(traction: Array, n: Array) -> Array:

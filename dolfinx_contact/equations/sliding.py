@@ -12,7 +12,8 @@ contains all candidates and changes only with a search (`points.sliding`).
 
 from __future__ import annotations
 
-from typing import Protocol, TypeAlias
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, TypeAlias
 
 from petsc4py import PETSc
 
@@ -20,16 +21,29 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import ratio, transformed
-from dolfinx_contact._petsc import Entries, triplets
+from dolfinx_contact._petsc import Entries, destroy, triplets
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState
+from dolfinx_contact.equations.evaluation import SurfaceEvaluation
 from dolfinx_contact.points.sliding_kinematics import Facing
 from dolfinx_contact.points.sliding_pair import SlidingOperator, SlidingPoints
 
 __all__ = ["Numbering", "SlidingTerms"]
 
-#: Places of rows and columns (n, k, dim) of blocks of entries; negative ones are ignored.
-_Block: TypeAlias = tuple[Ints, Ints]
+#: Names of the rows and columns of a block (`SlidingTerms._places`).
+_Names: TypeAlias = tuple[str, str]
+#: Blocks of S_u and of S_m.
+_OF_UNKNOWNS: tuple[_Names, ...] = (
+    ("bodies", "multipliers"),
+    ("master", "bodies"),
+    ("multipliers", "bodies"),
+    ("own multiplier", "own multiplier"),
+    ("multipliers", "multipliers"),
+)
+_OF_VECTORS: tuple[_Names, ...] = (
+    ("master", "vectors"),
+    ("multipliers", "vectors"),
+    ("own multiplier", "own vector"),
+)
 
 
 class Numbering(Protocol):
@@ -39,14 +53,20 @@ class Numbering(Protocol):
         """Return places (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
 
 
-def _add(A: PETSc.Mat, block: _Block, values: Array | None = None) -> None:
-    """Add values (n, rows, dim, columns, dim), by default 0, without assembling. Not collective."""
-    n, r, d = block[0].shape
-    shape = n, r * d, block[1].shape[1] * d
-    rows = block[0].reshape(shape[:2]).astype(PETSc.IntType)
-    columns = block[1].reshape(n, shape[2]).astype(PETSc.IntType)
-    entries = np.zeros(shape) if values is None else values.reshape(shape)
-    A.setValuesRCV(rows, columns, entries, addv=PETSc.InsertMode.ADD_VALUES)
+class _Matrices(NamedTuple):
+    """Matrices of one surface.
+
+    Attributes:
+        S_u: derivatives of the rows of H with respect to u and l.
+        S_m: derivatives with respect to m.
+        D: derivative of m.
+        product: S_m D.
+    """
+
+    S_u: PETSc.Mat
+    S_m: PETSc.Mat
+    D: PETSc.Mat
+    product: PETSc.Mat
 
 
 class SlidingTerms:
@@ -68,16 +88,17 @@ class SlidingTerms:
         self._unit = equations.unknowns.units[number + 1]
         self._numbering = numbering
         self._size = sum(equations.owned_sizes)
+        # places by slave facet, and by contact point
         vertices = self._faces.slave_vertices
         self._slave = numbering.places(0, self._faces.slave_nodes)
         self._multipliers = numbering.places(number + 1, vertices)
         self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
         first = s.points.vertices.dofmap.index_map.local_range[0]
         own = first + np.arange(s.points.number, dtype=np.int64)[:, None]
-        self._own = numbering.places(number + 1, own)
-        self._own_vectors = s.dim * own[..., None] + np.arange(s.dim)
+        self._own_multiplier = numbering.places(number + 1, own)
+        self._own_vector = s.dim * own[..., None] + np.arange(s.dim)
         self._searches = -1
-        self._matrices: list[PETSc.Mat] = []
+        self._matrices: _Matrices | None = None
 
     @property
     def changed(self) -> bool:
@@ -91,75 +112,104 @@ class SlidingTerms:
         m = self._dim * self._points.number
         found = self._faces.whole or self._faces.found
         facet, master = found.pairs.T
-        shapes = ((n, n), (n, m), (m, n))
-        every = self._blocks(facet, found.nodes[master])
-        for (rows, columns), blocks in zip(shapes, every, strict=True):
-            A = PETSc.Mat().createAIJ(((rows, None), (columns, None)), comm=self._comm)
-            A.setUp()
-            for block in blocks:
-                _add(A, block)
-            A.assemble()
-            A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-            self._matrices.append(A)
-        S, N, D = self._matrices
-        self._matrices.append(N.matMult(D))
+        places = self._places(facet, found.nodes[master])
+        S_u = self._matrix(n, n, [(places[row], places[column]) for row, column in _OF_UNKNOWNS])
+        S_m = self._matrix(n, m, [(places[row], places[column]) for row, column in _OF_VECTORS])
+        D = self._matrix(m, n, [(self._vectors, self._slave)])
+        self._matrices = _Matrices(S_u, S_m, D, S_m.matMult(D))
         self._searches = self._faces.searches
-        return [Entries(*triplets(A)[:2]) for A in (S, self._matrices[3])]
+        return [Entries(*triplets(A)[:2]) for A in (S_u, self._matrices.product)]
 
-    def add(self, state: ContactState, A: PETSc.Mat) -> None:
-        """Add S at a state to ``A``, which has its pattern."""
-        operator = state.kinematics.operator
+    def add(self, contact: SurfaceEvaluation, A: PETSc.Mat) -> None:
+        """Add S at an evaluation to ``A``, which has the pattern of `set_up`."""
+        operator = contact.kinematics.operator
         assert isinstance(operator, SlidingOperator)
+        assert self._matrices is not None
+        S_u, S_m, D, product = self._matrices
         facing, faces = operator.facing, self._faces
         k = self._slave.shape[1]
+        # S_u and S_m
         first = _first_of_pairs(facing)
-        places = self._blocks(facing.facet[first], facing.nodes[first, k:])
+        places = self._places(facing.facet[first], facing.nodes[first, k:])
+        values = self._by_point(contact, operator) | self._by_pair(contact, operator, first)
+        for matrix, blocks in ((S_u, _OF_UNKNOWNS), (S_m, _OF_VECTORS)):
+            matrix.zeroEntries()
+            for row, column in blocks:
+                _add(matrix, places[row], places[column], values[row, column])
+            matrix.assemble()
+        # D
         rates = faces.normal_rates(operator.x)
         turned = faces.images[faces.corners][..., None, None] * np.repeat(rates[:, None], k, axis=1)
-        S, N, D, product = self._matrices
-        values = (*self._values(state, operator, first), [turned])
-        for matrix, blocks, parts in zip((S, N, D), places, values, strict=True):
-            matrix.zeroEntries()
-            for block, part in zip(blocks, parts, strict=True):
-                _add(matrix, block, part)
-            matrix.assemble()
-        N.matMult(D, product)
-        for matrix in (S, product):
+        D.zeroEntries()
+        _add(D, self._vectors, self._slave, turned)
+        D.assemble()
+        S_m.matMult(D, product)
+        for matrix in (S_u, product):
             A.axpy(1.0, matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
 
     def destroy(self) -> None:
         """Free the matrices."""
-        for A in self._matrices:
-            A.destroy()
-        self._matrices = []
+        destroy(*(self._matrices or ()))
+        self._matrices = None
 
     # -- parts -----------------------------------------------------------------------------------
 
-    def _blocks(self, facet: Ints, nodes: Ints) -> tuple[list[_Block], list[_Block], list[_Block]]:
-        """Return blocks of S_u, S_m and D for pairs of slave facets and nodes of the master."""
-        mine, vectors, multipliers = (
-            v[facet] for v in (self._slave, self._vectors, self._multipliers)
-        )
-        theirs = self._numbering.places(0, nodes)
-        bodies = np.concatenate([mine, theirs], axis=1)
-        by_unknowns = [
-            (bodies, multipliers),
-            (theirs, bodies),
-            (multipliers, bodies),
-            (self._own, self._own),
-            (multipliers, multipliers),
-        ]
-        by_vectors = [(theirs, vectors), (multipliers, vectors), (self._own, self._own_vectors)]
-        return by_unknowns, by_vectors, [(self._vectors, self._slave)]
+    def _places(self, facet: Ints, nodes: Ints) -> dict[str, Ints]:
+        """Return the places of rows and columns by name, shape (pairs, nodes, dim) each.
 
-    def _values(
-        self, state: ContactState, operator: SlidingOperator, first: Ints
-    ) -> tuple[list[Array], list[Array]]:
-        """Return the values of the blocks; see `points.sliding_kinematics.Facing` for a, b and c.
+        Those of the *own multiplier* and *own vector* belong to one contact point each.
 
         Args:
-            state: state.
-            operator: B at the state.
+            facet: slave facets of the pairs.
+            nodes: nodes of their masters.
+        """
+        master = self._numbering.places(0, nodes)
+        return {
+            "bodies": np.concatenate([self._slave[facet], master], axis=1),
+            "master": master,
+            "multipliers": self._multipliers[facet],
+            "vectors": self._vectors[facet],
+            "own multiplier": self._own_multiplier,
+            "own vector": self._own_vector,
+        }
+
+    def _matrix(self, rows: int, columns: int, blocks: Sequence[tuple[Ints, Ints]]) -> PETSc.Mat:
+        """Return a matrix of zeros that keeps the pattern of blocks of rows and columns."""
+        A = PETSc.Mat().createAIJ(((rows, None), (columns, None)), comm=self._comm)
+        A.setUp()
+        for row, column in blocks:
+            _add(A, row, column)
+        A.assemble()
+        A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return A
+
+    def _by_point(
+        self, contact: SurfaceEvaluation, operator: SlidingOperator
+    ) -> dict[_Names, Array]:
+        """Return the blocks of contact rows by the traction and the normal of their own node.
+
+        Args:
+            contact: evaluation of the surface.
+            operator: B at this evaluation.
+        """
+        n, nodal = operator.number, operator.facing.nodal
+        areas = self._points.areas
+        counts = (areas * nodal.share[:n])[:, None, None]
+        by_traction = areas[:, None, None] * np.eye(self._dim) - counts * contact.by_traction
+        turned = contact.by_jump @ nodal.by_turning[:n] + contact.by_normal
+        return {
+            ("own multiplier", "own multiplier"): self._unit * by_traction,
+            ("own multiplier", "own vector"): -counts * (turned @ nodal.by_normal[:n]),
+        }
+
+    def _by_pair(
+        self, contact: SurfaceEvaluation, operator: SlidingOperator, first: Ints
+    ) -> dict[_Names, Array]:
+        """Return the other blocks; see `points.sliding_kinematics.Facing` for a, b and c.
+
+        Args:
+            contact: evaluation of the surface.
+            operator: B at this evaluation.
             first: first piece of each pair of facets, over whose pieces sums are taken.
         """
         facing, faces = operator.facing, self._faces
@@ -174,14 +224,10 @@ class SlidingTerms:
         def of_pairs(parts: Array) -> Array:
             return np.add.reduceat(parts, first, axis=0) if len(first) else parts
 
-        # contact rows by the gap, slip and spin of their node, and by its traction and normal
-        by_jump = ratio(counts, nodal.weight[:n])[:, None, None] * state.by_jump
+        # contact rows by the gap, slip and spin of their node
+        by_jump = ratio(counts, nodal.weight[:n])[:, None, None] * contact.by_jump
         by_gap = at_corners(transformed(by_jump, nodal.normal[:n]))
         by_slip = at_corners(-by_jump @ nodal.rotation[:n]) * faces.kept[at][:, :, None]
-        of_traction = areas[:, None, None] * np.eye(self._dim)
-        of_traction = of_traction - counts[:, None, None] * state.by_traction
-        turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
-        of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
         # contact rows, and forces on the master, by the displacements of both faces and m
         places, gaps = facing.slopes()
         of_law = _of_law(facing, by_gap, by_slip, places, gaps)
@@ -190,7 +236,7 @@ class SlidingTerms:
             by_spin *= (faces.free_to_spin[at] * facing.weighted.sum(axis=2))[..., None]
             spins = facing.spins[:, None, None]
             of_law[:, :, :, : spins.shape[3]] += by_spin[..., None, None] * spins
-        on_master = _on_master(facing, operator.at_quadrature(state.traction), places)
+        on_master = _on_master(facing, operator.at_quadrature(contact.traction), places)
         # forces on both faces by the multipliers, and contact rows by the neighbouring tractions
         alive = (nodal.weight > 0)[at][:, :, None]
         coupling = of_pairs(alive * (facing.weighted @ facing.jumps))
@@ -202,15 +248,36 @@ class SlidingTerms:
         columns = np.concatenate([signs, np.ones_like(signs[:, :k])], axis=1)[:, None, None]
         on_master = signs[:, k:, :, None, None] * of_pairs(on_master) * columns
         of_law = of_pairs(of_law) * columns
+        # blocks
         identity = self._unit * np.eye(self._dim)
-        by_unknowns = [
-            np.einsum("pac,ij,pci->pciaj", coupling, -identity, signs),
-            on_master[..., :c, :],
-            of_law[..., :c, :],
-            self._unit * of_traction,
-            np.einsum("pca,ij,pci->pciaj", means, identity, kept),
-        ]
-        return by_unknowns, [on_master[..., c:, :], of_law[..., c:, :], of_normal]
+        return {
+            ("bodies", "multipliers"): np.einsum("pac,ij,pci->pciaj", coupling, -identity, signs),
+            ("master", "bodies"): on_master[..., :c, :],
+            ("master", "vectors"): on_master[..., c:, :],
+            ("multipliers", "bodies"): of_law[..., :c, :],
+            ("multipliers", "vectors"): of_law[..., c:, :],
+            ("multipliers", "multipliers"): np.einsum("pca,ij,pci->pciaj", means, identity, kept),
+        }
+
+
+def _add(A: PETSc.Mat, rows: Ints, columns: Ints, values: Array | None = None) -> None:
+    """Add blocks to a matrix without assembling. Not collective.
+
+    Args:
+        A: matrix.
+        rows: places of the rows, shape (n, k, dim); negative ones are ignored.
+        columns: places of the columns, shape (n, l, dim); negative ones are ignored.
+        values: values, shape (n, k, dim, l, dim); default: 0.
+    """
+    n, k, dim = rows.shape
+    shape = n, k * dim, columns.shape[1] * dim
+    entries = np.zeros(shape) if values is None else values.reshape(shape)
+    A.setValuesRCV(
+        rows.reshape(shape[:2]).astype(PETSc.IntType),
+        columns.reshape(n, shape[2]).astype(PETSc.IntType),
+        entries,
+        addv=PETSc.InsertMode.ADD_VALUES,
+    )
 
 
 def _first_of_pairs(facing: Facing) -> Ints:

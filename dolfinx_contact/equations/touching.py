@@ -30,7 +30,7 @@ _ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a po
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
-def touches_nothing(eq: ContactEquations, state: Evaluation) -> bool:
+def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
     """Return whether the present contact is insignificant compared with the load. Collective.
 
     Faces that coincide have gaps of round-off, a few of which are negative. Without pressure these
@@ -39,22 +39,22 @@ def touches_nothing(eq: ContactEquations, state: Evaluation) -> bool:
 
     Args:
         eq: contact problem.
-        state: evaluation; a traction counts as the penetration that would cause it by the
+        evaluation: evaluation; a traction counts as the penetration that would cause it by the
             augmentation.
     """
     nothing = True
-    for found, reach in zip(state.surfaces, _reaches(eq, state), strict=True):
-        which = closed(found.statuses)
-        gap = np.abs(found.kinematics.gap[which])
-        pressed = np.linalg.norm(found.traction[which], axis=1)
+    for contact, reach in zip(evaluation.surfaces, _reaches(eq, evaluation), strict=True):
+        which = closed(contact.statuses)
+        gap = np.abs(contact.kinematics.gap[which])
+        pressed = np.linalg.norm(contact.traction[which], axis=1)
         comes = _BESIDE * reach
         nothing &= bool(np.all(gap <= max(comes, _TOUCHES * eq.body_size)))
         limit = max(comes, _ROUND_OFF * eq.body_size)
-        nothing &= bool(np.all(pressed <= limit * found.data.r[which]))
+        nothing &= bool(np.all(pressed <= limit * contact.data.r[which]))
     return all_ranks(eq.comm, nothing)
 
 
-def touching(eq: ContactEquations, state: Evaluation) -> Statuses:
+def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
     """Return statuses in which all points stick that the load may close. Collective.
 
     If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
@@ -63,14 +63,14 @@ def touching(eq: ContactEquations, state: Evaluation) -> Statuses:
 
     Args:
         eq: contact problem.
-        state: evaluation of the start.
+        evaluation: evaluation of the start.
     """
-    gaps = [term.gaps(state) for term in eq.terms]
-    reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, state)]
+    gaps = [term.gaps(evaluation) for term in eq.terms]
+    reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, evaluation)]
     found = _within(eq, gaps, reaches)
     if not eq.scaling.not_held(found):
         return found
-    nearest = _nearest(eq, gaps, state)
+    nearest = _nearest(eq, gaps, evaluation)
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
@@ -79,7 +79,7 @@ def touching(eq: ContactEquations, state: Evaluation) -> Statuses:
     return found
 
 
-def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
+def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation) -> list[float]:
     """Return for each surface the smallest gap of points that may hold a loose body. Collective.
 
     A surface with a vertex that touches has the smallest gap of its points. Vertices may touch
@@ -91,7 +91,7 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
         s = term.surface
         at_vertices = gap
         if s.method == "integral":
-            nodes = term.relative(state.u, state.q)
+            nodes = term.relative(evaluation.u, evaluation.q)
             jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
             at_vertices = s.at_vertices(jump)[0]
         least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
@@ -104,11 +104,12 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
     return [float(gap) for gap in nearest]
 
 
-def _reaches(eq: ContactEquations, state: Evaluation) -> list[float]:
+def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
     """Return gaps up to which points are expected to close, by surface. Collective."""
     load = eq.constraints.load
     return [
-        load * (eq.constraints.reach(term.surface, state.u) + _rigid_reach(eq, term, state))
+        load
+        * (eq.constraints.reach(term.surface, evaluation.u) + _rigid_reach(eq, term, evaluation))
         for term in eq.terms
     ]
 
@@ -123,19 +124,19 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> float:
+def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation) -> float:
     """Return half the distance by which prescribed motions move a rigid body towards points."""
     if not isinstance(term, RigidTerm):
         return 0.0
-    step = np.where(eq.rigid.fixed, eq.constraints.motions() - state.q, 0.0)
-    return 0.5 * maximum(eq.comm, _closing(eq, term, state, step))
+    step = np.where(eq.rigid.fixed, eq.constraints.motions() - evaluation.q, 0.0)
+    return 0.5 * maximum(eq.comm, _closing(eq, term, evaluation, step))
 
 
-def _closing(eq: ContactEquations, term: SurfaceTerm, state: Evaluation, dq: Array) -> Array:
+def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq: Array) -> Array:
     """Return the decrease of the gaps (n,) due to a motion dq of rigid bodies. Collective."""
     still = np.zeros(eq.owned_sizes[0])
-    step = term.relative_rate(state.u, state.q, still, dq)
-    return -state.surfaces[term.number].kinematics.gap_rate(step)
+    step = term.relative_rate(evaluation.u, evaluation.q, still, dq)
+    return -evaluation.surfaces[term.number].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
@@ -145,8 +146,8 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     """
     if not eq.rigid.size:
         return
-    state = eq.contact(x)
-    moved = state.q.copy()
+    evaluation = eq.contact(x)
+    moved = evaluation.q.copy()
     for body, part in eq.rigid.slices.items():
         load = eq.rigid.loads[part][: body.dim]
         size = float(np.linalg.norm(load))
@@ -158,7 +159,7 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
         nearest = ahead = np.inf
         for term in eq.terms:
             if term.surface.rigid_body is body:
-                gap, closing = term.gaps(state), _closing(eq, term, state, along)
+                gap, closing = term.gaps(evaluation), _closing(eq, term, evaluation, along)
                 facing = closing > _ASIDE
                 nearest = min(nearest, float(np.min(gap, initial=np.inf)))
                 distances = gap[facing] / closing[facing]

@@ -2,8 +2,8 @@
 """Validation of the arguments of a problem and of its data before a solve.
 
 `check` validates arguments. `validate` is called once before every solve: values of Functions and
-Constants are tested nowhere else, and the solvers trust them. `unintended` and `check_sides` warn
-of data that are probably not intended.
+Constants are tested nowhere else, and the solvers trust them. `check_sides` warns of obstacles that
+are probably not where they were intended.
 
 Most tests are local and return an objection, a message that is empty if there is none. One
 collective call per test raises the objection of the lowest rank on every rank.
@@ -11,7 +11,7 @@ collective call per test raises the objection of the lowest rank on every rank.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -20,15 +20,16 @@ from petsc4py import PETSc
 import numpy as np
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._arrays import Array, Indices
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import dirichlet_value
+from dolfinx_contact._geometry import rounded
 from dolfinx_contact._mpi import (
     all_ranks,
     anywhere,
-    count_of,
+    everywhere,
     maximum,
     minimum,
     require,
@@ -38,18 +39,18 @@ from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around
+from dolfinx_contact.body.unintended import contradiction
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import without_normal
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.laws.status import STICK
-from dolfinx_contact.materials import Axisymmetric, materials_in, present_value
+from dolfinx_contact.materials import Axisymmetric, materials_in
 from dolfinx_contact.points.descriptions import Contact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import rounded
 from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __all__ = [
@@ -61,7 +62,6 @@ __all__ = [
     "check_surface",
     "check_times",
     "check_turn",
-    "unintended",
     "validate",
     "validate_data",
 ]
@@ -70,13 +70,8 @@ _ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
 _AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree
 _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body is searched
 _UNITS = 100.0  # ratio of the sizes of body and obstacle above which units may differ
-_MEASURES = {"cell": "dx", "exterior_facet": "ds", "interior_facet": "dS"}
-_LOCKS = 0.48  # Poisson's ratio from which elements of degree 1 are about a tenth too stiff
 _PERCENT = 5.0, 200.0  # friction coefficients between which they may be in percent
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
-
-
-_Warning = tuple[str, str]  # name and text
 
 
 # -- arguments of a problem ------------------------------------------------------------------------
@@ -173,14 +168,10 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     """
     # data, without a state
     same_everywhere(eq.comm, "data of the problem", Constants=lambda: _constants(eq))
-    eq.require_same_mesh()
-    check_moduli(eq)
-    if eq.read_data():
+    if validate_data(eq):
         _warn_of_dragging(eq)
         if not any(eq.memory):  # in an evolution, `results.indicators` measures this
             check_sides(eq)
-    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-        check_surface(s, memory)
     _warn_of_friction(eq)
     # the start, and H there
     names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
@@ -191,42 +182,42 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
             raise ValueError(f"the {name} at the start is not finite")
     numbers = bool(np.isfinite(eq.rigid.numbers).all())
     require(eq.comm, numbers, "a load or motion of a rigid body is not finite")
-    state = eq.evaluate(x0)
-    finite = all(np.isfinite(rows).all() for rows in state.rows)
-    lost = without_normal(eq, state)
+    evaluation = eq.evaluate(x0)
+    finite = all(np.isfinite(rows).all() for rows in evaluation.rows)
+    lost = without_normal(eq, evaluation)
     require(eq.comm, not lost, lost)
     eq.constraints.check_values(eq.surfaces, eq.body_size)
-    eq.warn("bcs", eq.constraints.contradiction())
+    eq.warn("bcs", contradiction(eq.V, eq.bcs))
     if not all_ranks(eq.comm, finite):
-        place = _not_finite(eq.comm, placed_data(eq)) or _not_finite_law(eq, state)
+        place = _not_finite(eq.comm, placed_data(eq)) or _not_finite_law(eq, evaluation)
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
     # scales
     changed = eq.scaling.follow(eq.unknowns.displacement(x0))
-    return None if changed else state
+    return None if changed else evaluation
 
 
-def validate_data(eq: ContactEquations) -> None:
+def validate_data(eq: ContactEquations) -> bool:
     """Raise ``ValueError`` if mesh, material, obstacles or laws are not admissible. Collective.
 
     This is the part of `validate` that does not need a state, for questions about data.
+
+    Returns:
+        Whether the data of a surface have changed.
     """
     eq.require_same_mesh()
     check_moduli(eq)
-    eq.read_data()
+    changed = eq.read_data()
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         check_surface(s, memory)
+    return changed
 
 
 def check_moduli(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the moduli of a material are not admissible. Collective."""
-    objection = ""
-    try:
+    with everywhere(eq.comm):
         for material in eq.bulk.materials:
             material.check_moduli()
-    except ValueError as error:
-        objection = str(error)
-    require(eq.comm, not objection, objection)
 
 
 def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
@@ -346,206 +337,47 @@ def check_turn(s: DiscreteSurface, before: Array | None) -> None:
 # -- data that are probably not intended -----------------------------------------------------------
 
 
-def unintended(
-    form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
-) -> dict[str, str]:
-    """Return warnings about data of a body that are probably not intended, by name. Collective.
-
-    - An integral over a tag without entities is 0, so that a load is missing. Facets between cells
-      do not belong to ds, and facets of the boundary do not belong to dS.
-    - Cells without an integral have no stiffness.
-    - A load on facets whose displacements are all held changes only the reactions.
-    - A Dirichlet condition without dofs holds nothing.
-    - With too few quadrature points a stiffness is singular (hourglass modes).
-    - Elements of degree 1 lock if Poisson's ratio is near 1/2, as it is if Young's modulus and
-      Poisson's ratio are given in place of the Lame coefficients.
-
-    Args:
-        form: energy or residual of the body.
-        V: space of the displacement.
-        bcs: Dirichlet conditions.
-    """
-    of_form = *_empty(form, V.mesh), *_hourglass(form, V), *_locking(form, V)
-    return dict([*_without_dofs(V, bcs), *_held(form, V, bcs), *of_form])
-
-
-def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
-    """Yield warnings about conditions without dofs. Collective."""
-    for number, bc in enumerate(bcs):
-        if not V.mesh.comm.allreduce(bc.dof_indices()[1]):
-            name = f"bcs[{number}]"
-            yield name, f"the Dirichlet condition {name} holds nothing: no dof was located for it"
-
-
-def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
-    """Yield warnings about integrals over nothing, and cells without an integral. Collective."""
-    dim = domain.topology.dim
-    domain.topology.create_connectivity(dim - 1, dim)
-    covered = np.zeros(domain.topology.index_map(dim).size_local, dtype=bool)
-    tags: dict[int, int] = {}  # of the cells in the data of the measures
-    for integral in form.integrals():
-        kind = integral.integral_type()
-        data = integral.subdomain_data()
-        if kind == "cell" and isinstance(data, mesh.MeshTags):
-            tags |= zip(data.indices.tolist(), data.values.tolist(), strict=True)
-        for number in _ids(integral):
-            if isinstance(number, str):  # over all cells or facets
-                covered |= kind == "cell"
-                continue
-            found, tagged = _entities(integral, number, domain)
-            if kind == "cell":
-                covered[tagged] = True
-            if domain.comm.allreduce(found):
-                continue
-            reason = "no cell or facet has this tag"
-            if data is None:
-                reason = "its measure has no subdomain_data"
-            elif domain.comm.allreduce(len(tagged)):
-                where = "on the boundary" if kind == "interior_facet" else "between cells"
-                reason = f"all facets with this tag are {where}"
-            name = f"{_MEASURES.get(kind, 'the measure')}({number})"
-            yield f"integral over {name}", f"an integral over {name} is 0: {reason}"
-    count = count_of(domain.comm, ~covered)
-    if count:
-        own = {tag for cell, tag in tags.items() if cell < len(covered) and not covered[cell]}
-        every = sorted(set().union(*domain.comm.allgather(own)))
-        names = f"; their tags: {', '.join(map(str, every))}" if every else ""
-        yield "cells", f"{count} cells have no integral over dx, and no stiffness{names}"
-
-
-def _held(
-    form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
-) -> Iterator[_Warning]:
-    """Yield warnings about loads on facets whose displacements are all held. Collective.
-
-    Integrands with a gradient are left out: they also act on other displacements.
-    """
-    index_map, size = V.dofmap.index_map, V.dofmap.index_map_bs
-    held = np.zeros((index_map.size_local + index_map.num_ghosts, size), dtype=bool)
-    for bc in bcs:
-        held.reshape(-1)[bc.dof_indices()[0]] = True
-    dim = V.mesh.topology.dim - 1
-    for integral in form.integrals_by_type("exterior_facet"):
-        nodes = unique_pre_traversal(integral.integrand())
-        if any(isinstance(node, ufl.classes.Grad) for node in nodes):
-            continue
-        ids = _ids(integral)
-        if any(isinstance(number, str) for number in ids):  # the whole boundary
-            continue
-        facets = np.concatenate([_entities(integral, number, V.mesh)[1] for number in ids])
-        dofs = fem.locate_dofs_topological(V, dim, facets)
-        found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~held[dofs]).sum()]))
-        if found and not free:
-            name = f"integral over ds({', '.join(map(str, ids))})"
-            text = "has no effect: Dirichlet conditions hold all displacements of its facets"
-            yield name, f"an {name} {text}"
-
-
-def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
-    """Yield warnings about quadrature rules with too few points for a regular stiffness."""
-    degrees: dict[Any, list[int]] = {}  # of the integrals over each set of cells
-    for integral in form.integrals():
-        if integral.integral_type() == "cell":
-            for number in _ids(integral):
-                degree = integral.metadata().get("quadrature_degree", -1)  # -1: estimated
-                degrees.setdefault(number, []).append(degree)
-    degree = V.ufl_element().degree
-    simplex = V.mesh.topology.cell_name() in ("triangle", "tetrahedron")
-    least, usual = (2 * degree - 2, 2 * degree) if simplex else (2 * degree, 2 * degree + 1)
-    for named in degrees.values():
-        if min(named) >= 0 and max(named) < least:
-            yield (
-                "quadrature",
-                f"the quadrature degree {max(named)} of dx is below {least}, so that displacements "
-                f"without energy may exist (hourglass modes): take quadrature_degree {usual}",
-            )
-
-
-def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
-    """Yield warnings about elements that lock."""
-    rules = [integral.metadata().get("quadrature_rule") for integral in form.integrals()]
-    if V.ufl_element().degree > 1 or "custom" in rules:  # a mean dilatation
-        return
-    for material in materials_in(form):
-        given = getattr(material, "material", material)  # of a body of revolution
-        moduli = (getattr(given, name, 0.0) for name in ("lmbda", "mu"))
-        lmbda, mu = (present_value(modulus) for modulus in moduli)
-        if not lmbda or mu is None or getattr(given, "plane_stress", False):
-            continue
-        poisson = lmbda / (2 * (lmbda + mu))
-        if _LOCKS < poisson < 0.5:
-            yield (
-                "locking",
-                f"elements of degree 1 lock at Poisson's ratio {poisson:.6g}, which follows from "
-                f"lambda = {lmbda:.6g} and mu = {mu:.6g}: take mean_dilatation_energy or degree 2; "
-                "if these are Young's modulus and Poisson's ratio, take LinearElastic.from_young "
-                "or materials.lame",
-            )
-
-
-def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
-    """Return the tags of an integral, or the name of its domain."""
-    ids = integral.subdomain_id()
-    return ids if isinstance(ids, tuple) else (ids,)
-
-
-def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
-    """Return the number of entities of an integral over a tag, and the entities with this tag.
-
-    Facets with the tag that are not of the kind of the measure are not integrated. Not collective.
-    """
-    data = integral.subdomain_data()
-    if not isinstance(data, mesh.MeshTags):
-        given = [np.ravel(entities) for tag, entities in data or () if tag == number]
-        tagged = np.concatenate([*given, np.zeros(0, dtype=np.int32)])
-        return len(tagged), tagged
-    owned = domain.topology.index_map(data.dim).size_local
-    tagged = data.find(number)
-    tagged = tagged[tagged < owned]
-    kind = integral.integral_type()
-    if kind == "cell":
-        return len(tagged), tagged
-    boundary = np.isin(tagged, mesh.exterior_facet_indices(domain.topology))
-    return int((boundary if kind == "exterior_facet" else ~boundary).sum()), tagged
-
-
 def check_sides(eq: ContactEquations) -> None:
     """Warn about obstacles on the wrong side of the undeformed body, or in other units. Collective.
 
-    At the contact point nearest to such an obstacle, the contact normal points against the outward
-    normal of the face and into the body. The solution is then wrong without any other sign.
+    The solution is then wrong without any other sign.
     """
     for s in eq.surfaces:
-        if s.between_bodies:
-            continue
-        units = _other_units(eq, s)
-        eq.warn(f"units of {s.name!r}", units)
-        message = ""
-        gaps = np.abs(s.points.gaps)
-        nearest = minimum(s.comm, gaps, np.inf)
-        if not np.isfinite(nearest):
-            eq.warn(f"side of {s.name!r}", "")
-            continue
-        # contact points nearest to the obstacle whose normal points against the outward normal
-        n = s.points.data.n
-        outward = s.points.outward(np.zeros_like(s.node_positions))
-        against = np.sum(n * outward, axis=1) < _AGAINST
-        tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
-        # The order of coordinates makes the reported place the same on any number of ranks.
-        tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
-        # body cells next to these points, in the direction of the contact normal
-        into = s.positions[tied] + _BESIDE * s.points.geometry.facet_size * n[tied]
-        x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
-        inside = cells_around(s.domain, x[1]) > 0
-        if inside.any() and not units:
-            place = min(tuple(p) for p in rounded(x[0])[inside])
-            message = (
-                f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), "
-                "where the body comes nearest to it, the contact normal points into the body; "
-                "reverse the normal of a plane or the facets of a surface (reverse=True), or move "
-                "a sphere out of the body"
-            )
-        eq.warn(f"side of {s.name!r}", message)
+        if not s.between_bodies:
+            units = _other_units(eq, s)
+            eq.warn(f"units of {s.name!r}", units)
+            eq.warn(f"side of {s.name!r}", "" if units else _wrong_side(eq, s))
+
+
+def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
+    """Return a message about an obstacle on the wrong side; "" if it is not. Collective.
+
+    At the contact point nearest to such an obstacle, the contact normal points against the outward
+    normal of the face and into the body.
+    """
+    gaps = np.abs(s.points.gaps)
+    nearest = minimum(s.comm, gaps, np.inf)
+    if not np.isfinite(nearest):
+        return ""
+    # contact points nearest to the obstacle whose normal points against the outward normal
+    n = s.points.data.n
+    outward = s.points.outward(np.zeros_like(s.node_positions))
+    against = np.sum(n * outward, axis=1) < _AGAINST
+    tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
+    # The order of coordinates makes the reported place the same on any number of ranks.
+    tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
+    # body cells next to these points, in the direction of the contact normal
+    into = s.positions[tied] + _BESIDE * s.points.geometry.facet_size * n[tied]
+    x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
+    inside = cells_around(s.domain, x[1]) > 0
+    if not inside.any():
+        return ""
+    place = min(tuple(p) for p in rounded(x[0])[inside])
+    return (
+        f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), where "
+        "the body comes nearest to it, the contact normal points into the body; reverse the normal "
+        "of a plane or the facets of a surface (reverse=True), or move a sphere out of the body"
+    )
 
 
 def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
@@ -596,9 +428,9 @@ def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
     return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 
 
-def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
+def _not_finite_law(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return the place of the first law whose answer is not finite, or "". Collective."""
-    bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in state.rows[1:-1]))
+    bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in evaluation.rows[1:-1]))
     for s, wrong in zip(eq.surfaces, bad, strict=True):
         if wrong:
             return (

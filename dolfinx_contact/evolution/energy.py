@@ -54,7 +54,7 @@ from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation, SurfaceEvaluation
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Energies", "Forces", "Motion", "MotionEnergies", "account", "forces_at", "motion_at"]
@@ -274,7 +274,7 @@ def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
     )
 
 
-def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
+def _at_surface(s: DiscreteSurface, contact: SurfaceEvaluation) -> SurfaceForces:
     """Return the values at the contact points of a surface. Not collective."""
     n = contact.data.n
     areas = contact.kinematics.operator.areas
@@ -304,7 +304,7 @@ def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
     )
 
 
-def _covered(s: DiscreteSurface, contact: ContactState) -> Array:
+def _covered(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
     """Return the fraction of the area of each point that faces an opposing point, shape (n,)."""
     return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
 

@@ -145,7 +145,7 @@ def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array
         strengths = np.nan_to_num(np.abs(end - before))
     if s.method == "integral":
         return jumps, losses, strengths
-    free = ~eq.constraints.clamped[k][: len(jumps)]
+    free = ~eq.constraints.surfaces[k].clamped[: len(jumps)]
     return jumps[free], losses[free], strengths[free]
 
 

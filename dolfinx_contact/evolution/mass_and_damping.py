@@ -33,7 +33,8 @@ from dolfinx_contact.body.bulk import circumference, weighted
 from dolfinx_contact.body.inertia import Mass, inertia_error, mass_matrix
 from dolfinx_contact.body.moving import MovingBody, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.data import Constancy, Datum, data_in, placed_data
+from dolfinx_contact.equations.data import Datum, data_in, placed_data
+from dolfinx_contact.evolution.constancy import Constancy
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["Matrices"]

@@ -33,11 +33,12 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import all_ranks, anywhere, everywhere, require
 from dolfinx_contact._validate import located
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.data import Constancy, Datum, placed_data
+from dolfinx_contact.equations.data import Datum, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.measures import Scales, least_scales
+from dolfinx_contact.equations.measures import least_scales, measure
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_turn
+from dolfinx_contact.evolution.constancy import Constancy
 from dolfinx_contact.evolution.energy import Energies, Forces, Motion, forces_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -444,8 +445,7 @@ def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
     A state without displacements and forces defines no scale. Then forces count as zero if they
     move a node by less than 1e-12 of the body size.
     """
-    scales = Scales(eq, settled=True)
-    worst = scales.measure(evaluation).worst
-    force, length = least_scales(eq, 0.0)
-    unloaded = scales.force <= force and scales.length <= length
-    return 0.0 if unloaded else worst
+    measures, scales = measure(eq, evaluation, settled=True)
+    least = least_scales(eq, 0.0)
+    unloaded = scales.force <= least.force and scales.length <= least.length
+    return 0.0 if unloaded else measures.worst

@@ -39,7 +39,6 @@ __all__ = [
     "owned_exterior",
     "owned_facets",
     "point_ids",
-    "rounded",
     "sums_at_global_places",
     "trace_dofs",
     "unit_field",
@@ -192,12 +191,6 @@ def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> A
     inside = midpoints(domain, cells_of(domain, facets)) - x.mean(axis=1)
     normals[dot(inside, normals) > 0] *= -1.0
     return _geometry.unit(normals) if unit else normals
-
-
-def rounded(x: Array) -> Array:
-    """Return coordinates rounded to nine digits of the largest one."""
-    size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
-    return np.round(x / size, 9) * size + 0.0
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:

@@ -48,7 +48,7 @@ from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import RigidTerm, SurfaceTerm
-from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.measures import Scales, measure
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
@@ -466,9 +466,7 @@ def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
 
 def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
     """Return the scales of the measures at a state. Collective."""
-    scales = Scales(equations)
-    scales.measure(equations.evaluate(x))
-    return scales
+    return measure(equations, equations.evaluate(x))[1]
 
 
 def scaled(contact: PointProblem, scales: Scales) -> PointProblem:

@@ -24,8 +24,8 @@ def check_reducible(eq: ContactEquations) -> None:
     known = all(law.bound_kind in ("proportional", "given") for law in laws)
     alone = all(s.points.E is None for s in eq.surfaces)
     parts = [
-        (r[: s.points.number].any(axis=1) & ~c[: s.points.number])
-        for s, r, c in zip(eq.surfaces, eq.constraints.removed, eq.constraints.clamped, strict=True)
+        (c.removed.any(axis=1) & ~c.clamped)[: s.points.number]
+        for s, c in zip(eq.surfaces, eq.constraints.surfaces, strict=True)
     ]
     guided = any_rank(eq.comm, [part.any() for part in parts])
     along = eq.dim == 2 and all(s.method == "nodal" for s in eq.surfaces)
@@ -132,9 +132,9 @@ def _partly_held(system: ParametricEquations) -> _PartlyHeld:
     """Examine the contact nodes with Dirichlet data in some directions only. Collective."""
     eq = system.equations
     some = oblique = rubbed = False
-    constraints = eq.constraints.clamped, eq.constraints.fixed_jumps
-    for s, clamped, fixed in zip(eq.surfaces, *constraints, strict=True):
-        held = fixed.any(axis=1) & ~clamped[: len(fixed)]
+    for s, constraints in zip(eq.surfaces, eq.constraints.surfaces, strict=True):
+        fixed = constraints.fixed_jumps
+        held = fixed.any(axis=1) & ~constraints.clamped
         normal = np.abs(np.where(fixed, s.points.vertex_normals, 0.0)).max(axis=1, initial=0.0)
         friction = STICK in s.law_at_points.codes
         some |= bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())

@@ -57,7 +57,7 @@ from dolfinx_contact.body.rigid import (
     sums_of_parts,
 )
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation, SurfaceEvaluation
 from dolfinx_contact.equations.measures import least_scales, round_off_force
 from dolfinx_contact.laws.status import OPEN, STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
@@ -444,7 +444,7 @@ def _of_surface(
     eq: ContactEquations,
     s: DiscreteSurface,
     state: Evaluation,
-    contact: ContactState,
+    contact: SurfaceEvaluation,
     held: Mask,
 ) -> SurfaceIndicators:
     """Return the indicators of a surface; ``held`` is the mask of clamped points. Collective."""
@@ -481,19 +481,20 @@ def _of_surface(
 
 def _contacts(
     eq: ContactEquations, state: Evaluation
-) -> list[tuple[DiscreteSurface, ContactState, Mask]]:
+) -> list[tuple[DiscreteSurface, SurfaceEvaluation, Mask]]:
     """Return surfaces, their evaluations, and masks (n,) of points clamped by Dirichlet data."""
     found = []
-    parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
-    for s, clamped, contact in parts:
-        number = len(contact.statuses)
-        none = np.zeros(number, dtype=bool)
-        found.append((s, contact, none if s.method == "integral" else clamped[:number]))
+    parts = zip(eq.surfaces, eq.constraints.surfaces, state.surfaces, strict=True)
+    for s, constraints, contact in parts:
+        n = len(contact.statuses)
+        none = np.zeros(n, dtype=bool)
+        clamped = none if s.method == "integral" else constraints.clamped[:n]
+        found.append((s, contact, clamped))
     return found
 
 
 def _negative_bound(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Return the largest negative friction bound of closed points over the largest force.
 
@@ -507,7 +508,7 @@ def _negative_bound(
     return below / max(largest, round_off_force(eq, size)) if below > none else 0.0
 
 
-def _growth(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+def _growth(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
     Points whose initial gaps differ little close together: they share the motion before contact,
@@ -529,7 +530,7 @@ def _growth(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> 
     return _ratio_of_sums(s.comm, bound[late].sum(), bound.sum())
 
 
-def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+def _compression(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return p b/E with mean pressure p, extent b and modulus E of the closed points. Collective.
 
     E is the modulus at the stiffest vertex of the surface. Round-off of the body size is added.
@@ -548,12 +549,12 @@ def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState
     return float(force / area / modulus * extent) + _ROUND_OFF * eq.body_size
 
 
-def _touching(contact: ContactState, values: Array) -> Array:
+def _touching(contact: SurfaceEvaluation, values: Array) -> Array:
     """Return values at closed points, 0 at open points."""
     return np.where(closed(contact.statuses), values, 0.0)
 
 
-def _normal_forces(contact: ContactState, areas: Array) -> Array:
+def _normal_forces(contact: SurfaceEvaluation, areas: Array) -> Array:
     """Return the compressive normal forces at closed points; 0 at open points and in tension."""
     return np.maximum(_touching(contact, -dot(contact.traction, contact.data.n)), 0.0) * areas
 
@@ -576,7 +577,7 @@ def _of_small_sliding(
     eq: ContactEquations,
     s: DiscreteSurface,
     state: Evaluation,
-    contact: ContactState,
+    contact: SurfaceEvaluation,
     held: Mask,
 ) -> SurfaceIndicators:
     """Return misfit, slip and turn of a surface. Collective."""
@@ -601,7 +602,7 @@ def _off(law: Array, true: Array, is_closed: Mask) -> Array:
 def _of_pair(
     s: DiscreteSurface,
     state: Evaluation,
-    contact: ContactState,
+    contact: SurfaceEvaluation,
     held: Mask,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
@@ -651,7 +652,7 @@ def _of_pair(
 # -- steps ---------------------------------------------------------------------------------------
 
 
-def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
+def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the slip in a step over the larger facet size of body and obstacle."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
@@ -661,7 +662,7 @@ def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
     return maximum(s.comm, _touching(contact, slips)) / width
 
 
-def _passing(s: DiscreteSurface, contact: ContactState) -> float:
+def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Largest change of the normal of points that came through the obstacle. Collective.
 
     A point comes through if the normal changes by more than a right angle and the place that
@@ -688,7 +689,7 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
 
 
 def _approach(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Approach in a step of points that face nothing over the search distance. Collective."""
     opposite = s.obstacle.opposite
@@ -721,7 +722,7 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -
     return depth
 
 
-def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Largest rotation in a step of a connected part of a face over the other one. Collective.
 
     Between bodies it is the root mean square of the angles at the points. On obstacles it is the
@@ -836,7 +837,7 @@ def _numbers(given: Any) -> Array | None:
         return None
 
 
-def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the initial depth of closed points over the smallest extent. Collective."""
     given = s.description
     if given.interference is not None or given.remove_overlap is not None:
@@ -848,7 +849,7 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) ->
 
 
 def _beside(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Depth of boundary nodes on no contact surface over the compression. Collective."""
     compression = _compression(eq, s, contact)
@@ -866,7 +867,7 @@ def _beside(
     return max(depth, 0.0) / compression
 
 
-def _facets(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+def _facets(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Height of the smooth surface over touched facets over the compression. Collective."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
@@ -890,7 +891,7 @@ def _across(
     eq: ContactEquations,
     s: DiscreteSurface,
     state: Evaluation,
-    contact: ContactState,
+    contact: SurfaceEvaluation,
     held: Mask,
 ) -> float:
     """Fraction of the normal forces where face and obstacle have other normals. Collective."""

@@ -18,6 +18,7 @@ from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import (
+    Scales,
     held_across,
     held_back,
     least_scales,
@@ -252,9 +253,9 @@ def collect(
     energy = eq.bulk.energy_at(state.u)
     energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
-    force, length = _scales(eq, state, tables.values())
+    scales = _scales_of_law(eq, state, tables.values())
     forces = balance(eq, state, tables.values(), supports)
-    violated = violation(eq, state, force, length)
+    violated = violation(eq, state, *scales)
     weak = any(s.points.E is not None for s in eq.surfaces)
     warnings = dict(eq.warnings)
     if not weak and not violated <= _LARGEST_VIOLATION:
@@ -292,10 +293,10 @@ def collect(
     )
 
 
-def _scales(
+def _scales_of_law(
     eq: ContactEquations, state: Evaluation, tables: Collection[ContactTable]
-) -> tuple[float, float]:
-    """Return the force and length scales for the violation of a law. Collective."""
+) -> Scales:
+    """Return the scales for the violation of a law. Collective."""
     assert state.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
     contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
@@ -303,4 +304,4 @@ def _scales(
     force = max(largest, maximum(eq.comm, np.abs(state.reactions)))
     u = max(maximum(eq.comm, np.abs(state.u)), maximum(eq.comm, kept))
     none = least_scales(eq, u)
-    return max(force, round_off_force(eq, u), none[0]), max(u, none[1])
+    return Scales(max(force, round_off_force(eq, u), none.force), max(u, none.length))

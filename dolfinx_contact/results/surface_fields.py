@@ -55,9 +55,7 @@ def contact_fields(
     state = vertex_state(eq, number, evaluation)
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    marked = fem.Function(s.points.Q)
-    marked.x.array[:] = np.repeat(eq.constraints.clamped[number].astype(float), s.dim)
-    clamped = _at_vertices(s, marked)[:, 0] > 0.5
+    clamped = _at_vertices(s, eq.constraints.surfaces[number].clamped)
     status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):

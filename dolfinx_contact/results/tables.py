@@ -28,7 +28,7 @@ from dolfinx_contact._geometry import Gathered, along_tangent, in_space
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation, SurfaceEvaluation
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.memory import slid_after
@@ -237,8 +237,8 @@ def contact_table(
     """
     s = eq.surfaces[number]
     found = state.surfaces[number]
-    clamped = eq.constraints.clamped[number]
-    removed = eq.constraints.removed[number]
+    clamped = eq.constraints.surfaces[number].clamped
+    removed = eq.constraints.surfaces[number].removed
     at = found.kinematics
     n = s.points.number
     area = at.operator.areas
@@ -323,8 +323,9 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
         codes = np.where(held, found.statuses, answers.required)
         off = (found.traction - answers.traction(codes)) * points.areas[:, None]
         if s.method != "integral":
-            off[eq.constraints.removed[number][: points.number]] = 0.0
-            missed = np.where(eq.constraints.clamped[number][: points.number], 0.0, answers.missed)
+            constraints = eq.constraints.surfaces[number]
+            off[constraints.removed[: points.number]] = 0.0
+            missed = np.where(constraints.clamped[: points.number], 0.0, answers.missed)
         else:
             missed = answers.missed
         missed = np.where(held, 0.0, missed)
@@ -337,7 +338,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
     return float(eq.comm.allreduce(worst / force, op=np.maximum))
 
 
-def friction_bound(s: DiscreteSurface, found: ContactState) -> Array:
+def friction_bound(s: DiscreteSurface, found: SurfaceEvaluation) -> Array:
     """Return the radius of the friction disc at the pressure of the law, shape (n,).
 
     It is 0 at points without friction.
@@ -346,7 +347,7 @@ def friction_bound(s: DiscreteSurface, found: ContactState) -> Array:
     return np.where(acts, np.maximum(found.answers.bound, 0.0), 0.0)
 
 
-def _letters(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.str_]:
+def _letters(s: DiscreteSurface, found: SurfaceEvaluation) -> npt.NDArray[np.str_]:
     """Return status letters; at frictionless points, the letters of the sliding direction."""
     touching = closed(found.statuses)
     contact = without_damage(found.statuses)
@@ -362,7 +363,7 @@ def _letters(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.str_]:
 
 
 def _letters_of_bonds(
-    s: DiscreteSurface, found: ContactState, internal: dict[str, Array]
+    s: DiscreteSurface, found: SurfaceEvaluation, internal: dict[str, Array]
 ) -> npt.NDArray[np.str_]:
     """Return the letters of `ContactTable.bond`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,7 +28,7 @@ from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_databa
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
 from dolfinx_contact.equations.jacobian import JacobianSolver
-from dolfinx_contact.equations.measures import Measures, Scales, without_normal
+from dolfinx_contact.equations.measures import Measures, Scales, measure, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.attempts import Attempt, FloatingBodyError, LinearSolverError, Step
 
@@ -180,7 +179,7 @@ class Newton:
         self.monitor = monitor
         self.comm = equations.comm
         self._full_steps = line_search == "none"
-        self.scales = Scales(equations)
+        self.scales = Scales()
         options = equations.options
         defaults = {**_DEFAULTS, **linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **options.given}
@@ -355,7 +354,8 @@ class Newton:
         """Return whether a full step has led to a solution."""
         if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
             return False  # the linear system was not solved accurately enough
-        return copy(self.scales).measure(state).worst <= self.tolerance
+        measures, _ = measure(self.equations, state, self.scales)
+        return measures.worst <= self.tolerance
 
     # -- convergence -----------------------------------------------------------------------------
 
@@ -413,11 +413,10 @@ class Newton:
         converged are a million times smaller, its own scales are used from then on: relative to a
         distant start everything is small.
         """
-        measures = self.scales.measure(state)
+        measures, self.scales = measure(self.equations, state, self.scales)
         if measures.worst <= self.tolerance:
-            own = Scales(self.equations, settled=True)
             start = self.scales
-            judged = own.measure(state)
+            judged, own = measure(self.equations, state, settled=True)
             if start.force > _FAR * own.force or start.length > _FAR * own.length:
                 self.scales = own
                 measures = judged

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The square block of the Jacobian on the contact nodes and all multipliers, factorised.
 
-With the displacements c of the contact nodes and the multipliers l, the block reads
+With the displacements u of the contact nodes c and the multipliers l, the block reads
 
-    K_cc u + B l = r_c,    C u + L l = r_l.
+    K_cc u + J_cl l = r_c,    J_lc u + J_ll l = r_l,
 
-`SurfaceBlock` factorises it as it is. Nodal contact has a diagonal B, so that
-l = B^-1 (r_c - K_cc u) is cheap, and `CondensedBlock` factorises the condensed system, which has
-the size of the displacements:
+where K is the stiffness and J_cl = -B^T W E, J_lc = -E^T W D_j B and J_ll = E^T W (I - D_t) E are
+the contact terms (`equations.jacobian`). `SurfaceBlock` factorises it as it is. Nodal contact has a
+diagonal J_cl, so that l = J_cl^-1 (r_c - K_cc u) is cheap, and `CondensedBlock` factorises the
+condensed system, which has the size of the displacements:
 
-    (C - L B^-1 K_cc) u = r_l - L B^-1 r_c
+    (J_lc - J_ll J_cl^-1 K_cc) u = r_l - J_ll J_cl^-1 r_c
 
-in the rows of dofs with a multiplier, K_cc u = r_c in the others. With T the 0-1 matrix that gives
-a multiplier's row to its dof, W = B^-1 and E = I - T T^T - T L W this is
-(T C + E K_cc) u = T r_l + E r_c.
+in the rows of dofs with a multiplier, K_cc u = r_c in the others. With the 0-1 matrix T that gives
+the row of a multiplier to its dof, P = J_cl^-1 (0 for dofs without a multiplier) and
+Q = I - J_cl P - T J_ll P this is
+
+    (T J_lc + Q K_cc) u = T r_l + Q r_c.
 """
 
 from __future__ import annotations
@@ -94,7 +97,7 @@ class SurfaceBlock:
         self._comm = operator.comm
         self.factor = Factor(operator.comm, prefix, determinant=True, room=_ROOM)
         self._contact = operator.contact
-        #: Matrices by name; most of them are recomputed with their patterns.
+        #: Matrices by their formula; most of them are recomputed with their patterns.
         self._made: dict[str, PETSc.Mat] = {}
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
@@ -183,8 +186,8 @@ class CondensedBlock(SurfaceBlock):
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
         super().__init__(operator, s, prefix)
-        B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
-        indptr, columns, values = B.getValuesCSR()
+        J_cl = operator.contact.createSubMatrix(s.displacements, s.multipliers)
+        indptr, columns, values = J_cl.getValuesCSR()
         rows = np.repeat(np.arange(s.displacement_count), np.diff(indptr))
         kept = np.flatnonzero((values != 0) & s.on_slave[rows] & ~np.isin(rows, s.fixed))
         one_each = all_ranks(self._comm, len(np.unique(rows[kept])) == len(kept))
@@ -199,22 +202,23 @@ class CondensedBlock(SurfaceBlock):
             )
             for v in (np.ones(len(kept)), 1.0 / values[kept])
         )
-        W = inverse.transpose(PETSc.Mat())
+        P = inverse.transpose(PETSc.Mat())
         number, ones = T.createVecs()  # number of dofs of each multiplier
         ones.set(1.0)
         T.multTranspose(ones, number)
         self._alone = number.array_r == 0
-        removed = np.concatenate(operator.equations.constraints.removed_multipliers)
-        fits = (number.array_r == 1) | (self._alone & removed)
+        surfaces = operator.equations.constraints.surfaces
+        removed = np.concatenate([c.removed_multipliers for c in surfaces])
+        fits = bool(((number.array_r == 1) | (self._alone & removed)).all())
         self.applies = one_each and all_ranks(self._comm, fits)
-        # I - B W: without the rows of dependent dofs, and with their contributions to others.
+        # I - J_cl P: without the rows of dependent dofs, and with their contributions to others.
         identity = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
         identity.setUp()
         identity.setDiagonal(ones)
         identity.assemble()
-        self._made |= {"T": T, "W": W, "1": identity, "BW": B.matMult(W)}
-        self._add("1 - BW", "1", -1.0, "BW")
-        destroy(B, inverse, number, ones)
+        self._made |= {"T": T, "P": P, "I": identity, "J_cl P": J_cl.matMult(P)}
+        self._add("I - J_cl P", "I", -1.0, "J_cl P")
+        destroy(J_cl, inverse, number, ones)
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """See `SurfaceBlock.set_stiffness`. Collective."""
@@ -230,15 +234,15 @@ class CondensedBlock(SurfaceBlock):
         contact = self._operator.contact
         s = self._s
         made = self._made
-        for name, columns in (("C", s.displacements), ("L", s.multipliers)):
+        for name, columns in (("J_lc", s.displacements), ("J_ll", s.multipliers)):
             made[name] = contact.createSubMatrix(s.multipliers, columns, made.get(name))
-        self._multiply("LW", "L", "W")
-        self._multiply("TLW", "T", "LW")
-        self._add("E", "1 - BW", -1.0, "TLW")
-        self._multiply("EK", "E", "K")
-        self._multiply("TC", "T", "C")
-        self._add("block", "EK", 1.0, "TC")
-        self._factorise(self._held("block"))  # also with Dirichlet columns of C
+        self._multiply("J_ll P", "J_ll", "P")
+        self._multiply("T J_ll P", "T", "J_ll P")
+        self._add("Q", "I - J_cl P", -1.0, "T J_ll P")
+        self._multiply("Q K", "Q", "K")
+        self._multiply("T J_lc", "T", "J_lc")
+        self._add("block", "Q K", 1.0, "T J_lc")
+        self._factorise(self._held("block"))  # also with Dirichlet columns of J_lc
 
     def _multiply(self, name: str, first: str, second: str) -> None:
         """Compute a product, reusing the matrix of this name if it exists. Collective."""
@@ -252,14 +256,14 @@ class CondensedBlock(SurfaceBlock):
         b = r_c.duplicate()
         n = self._s.displacement_count
         r_c.array[:], r_l.array[:] = residual[:n], residual[n:]
-        made["E"].mult(r_c, b)
+        made["Q"].mult(r_c, b)
         made["T"].multAdd(r_l, b, b)
         u = r_c.duplicate()
         self.factor.solve(b, u)
-        # multipliers W (r_c - K u)
+        # multipliers P (r_c - K u)
         made["K"].mult(u, b)
         b.aypx(-1.0, r_c)
-        made["W"].mult(b, r_l)
+        made["P"].mult(b, r_l)
         multipliers = r_l.array_r.copy()
         multipliers[self._alone] = residual[n:][self._alone] / self._operator.diagonal
         found = np.concatenate([u.array_r, multipliers])

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Test that the data of a problem keep their values during a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._mpi import largest
+from dolfinx_contact.equations.data import Datum
+
+__all__ = ["Constancy"]
+
+_SAME = 1e-9  # relative change that counts as none
+
+
+class Constancy:
+    """Test that data keep the values that they have at construction.
+
+    Args:
+        comm: communicator of all ranks with these data.
+        data: tested data.
+    """
+
+    def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
+        self._comm = comm
+        self._data = list(data)
+        self._values = [d.values.copy() for d in self._data]
+
+    def changed(self) -> str:
+        """Return the place of a datum that has changed by more than 1e-9 of its size. Collective.
+
+        The text includes both values of a Constant; it is empty if nothing has changed.
+        """
+        if not self._data:
+            return ""
+        pairs = list(zip(self._data, self._values, strict=True))
+        mine = [
+            (np.max(_change(d.values, v), initial=0.0), np.max(np.abs(v), initial=0.0))
+            for d, v in pairs
+        ]
+        found: Any = largest(self._comm, mine)
+        for (d, v), (here, _), (away, size) in zip(pairs, mine, found, strict=True):
+            if away > 0 and not away <= _SAME * size:  # the size is NaN where a datum is
+                text = d.place
+                if not hasattr(d.value, "x"):
+                    text += f" ({v.tolist()} before, {d.values.tolist()} now)"
+                # In the words of a rank on which it has changed.
+                told = self._comm.allgather(text if here > 0 and not here <= _SAME * size else "")
+                return next(w for w in told if w)
+        return ""
+
+    def restore(self) -> None:
+        """Put the values back, bit by bit. Not collective."""
+        for d, values in zip(self._data, self._values, strict=True):
+            d.values[...] = values
+
+
+def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Absolute differences; 0 where both are NaN, infinite where one of them is not finite."""
+    away = np.full(np.shape(a), np.inf)
+    np.subtract(a, b, out=away, where=np.isfinite(a) & np.isfinite(b))
+    return np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(away))
