@@ -843,13 +843,13 @@ class ContactProblem(ReadOnly):
                     validate(eq, x0)
                     x, attempts = _classical().solve_by(algorithm, eq, x0, **notified)
                 with self.restored():
-                    state = attempts[-1].state or eq.evaluate(x)
-                    result = self.collect(x, attempts, state, shown)
+                    evaluation = attempts[-1].evaluation or eq.evaluate(x)
+                    result = self.collect(x, attempts, evaluation, shown)
                 x.destroy()
                 line.end(result.iterations)
             finally:
                 line.end()
-        return result, state
+        return result, evaluation
 
     def _have(self, statuses: Statuses) -> bool:
         """Return whether statuses fit the contact points of this rank. Not collective."""
@@ -943,7 +943,7 @@ class ContactProblem(ReadOnly):
         self,
         x: PETSc.Vec,
         attempts: Sequence[Attempt],
-        state: Evaluation,
+        evaluation: Evaluation,
         shown: Shown | None = None,
     ) -> Result:
         """Copy a solution to the Functions and return its result. Collective.
@@ -951,13 +951,13 @@ class ContactProblem(ReadOnly):
         Args:
             x: solution.
             attempts: strategies that were tried; the last one converged.
-            state: evaluation of the solution.
+            evaluation: evaluation of the solution.
             shown: see `solve_step`.
         """
         for attempt in attempts:
-            attempt.state = None
-        self.read(x, state.statuses)
-        return collect(self.equations, state, attempts, shown)
+            attempt.evaluation = None
+        self.read(x, evaluation.statuses)
+        return collect(self.equations, evaluation, attempts, shown)
 
     def log_warnings(
         self, warnings: Mapping[str, str], logged: set[str] | None = None, where: str = ""

@@ -127,7 +127,7 @@ def uniqueness(
     equations: ContactEquations,
     linear: Callable[[], JacobianSolver],
     x: PETSc.Vec,
-    state: Evaluation,
+    evaluation: Evaluation,
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
@@ -140,7 +140,7 @@ def uniqueness(
         equations: equations of the contact problem.
         linear: function returning the linear solver of the Jacobian.
         x: vector of unknowns at the solution.
-        state: evaluation of the equations at the solution.
+        evaluation: evaluation of the equations at the solution.
         seconds: time limit of branch and bound after the certificate of one point. If positive,
             Renard's criterion is evaluated for any number of points, with weights if its
             eigenproblem is dense.
@@ -168,7 +168,7 @@ def uniqueness(
         return answer
     if plane:
         return _by_theory(equations, obstacle)
-    other = _by_criterion(equations, state, seconds)
+    other = _by_criterion(equations, evaluation, seconds)
     return other if answer is None or other.verdict == "proved" else answer
 
 
@@ -213,7 +213,9 @@ def _points(equations: ContactEquations) -> int:
     return int(sum(s.points.number_everywhere for s in equations.surfaces))
 
 
-def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float) -> Uniqueness:
+def _by_criterion(
+    equations: ContactEquations, evaluation: Evaluation, seconds: float
+) -> Uniqueness:
     """Decide uniqueness by Renard's criterion. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     nodal = all(s.points.E is None and s.rigid_body is None for s in equations.surfaces)
@@ -224,7 +226,7 @@ def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float
             "not proved", f"more than {_MOST_POINTS} points: only with proof_seconds="
         )
     effort = _EFFORT if seconds > 0 else 0
-    criterion = criterion_at(equations, state, effort=effort, enough=_ENOUGH, seconds=seconds)
+    criterion = criterion_at(equations, evaluation, effort=effort, enough=_ENOUGH, seconds=seconds)
     if not criterion.definite:
         return Uniqueness("not proved", "the stiffness is not symmetric and positive definite")
     if not criterion.unique:

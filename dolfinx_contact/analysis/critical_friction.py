@@ -193,12 +193,12 @@ def critical_friction(
             not stable with its contact points held.
     """
     eq = static_equations(problem)
-    state = problem.evaluate()
+    evaluation = problem.evaluate()
     if isinstance(direction, str):
         require_solution(problem)
-    slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
+    slip = Slip(eq, SlipPattern.of(eq, direction, evaluation, by_law=True), hold_across=True)
     slip.require_held()
-    operator = _PressureByShear(eq, slip, state.u, solver)
+    operator = _PressureByShear(eq, slip, evaluation.u, solver)
     try:
         complete = takes_all(dense, slip.number, operator.solver)
         modes = operator.all() if complete else operator.smallest(count)

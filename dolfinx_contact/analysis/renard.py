@@ -145,22 +145,22 @@ def renard_criterion(
     eq = static_equations(problem)
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
-    state = problem.evaluate()
+    evaluation = problem.evaluate()
     if directions is None:
         require_solution(problem)
     effort = _EFFORT if weights else 0
     found = criterion_at(
-        eq, state, directions=directions, dense=dense or (weights or None), effort=effort
+        eq, evaluation, directions=directions, dense=dense or (weights or None), effort=effort
     )
     # Given directions belong to no state whose sliding could be measured.
     if directions is not None:
         return found
-    return replace(found, doubt=small_sliding_violated(eq, state))
+    return replace(found, doubt=small_sliding_violated(eq, evaluation))
 
 
 def criterion_at(
     eq: ContactEquations,
-    state: Evaluation,
+    evaluation: Evaluation,
     *,
     directions: Field | None = None,
     dense: bool | None = None,
@@ -174,7 +174,7 @@ def criterion_at(
 
     Args:
         eq: contact problem.
-        state: state of the problem.
+        evaluation: state of the problem.
         directions: function returning xi; by default the directions of the state are used.
         dense: whether dense matrices are used; by default for small eigenproblems.
         effort: number of iterations of the search for weights (`WeightedForm.largest`), which
@@ -182,8 +182,8 @@ def criterion_at(
         enough: factor at which the search for weights ends.
         seconds: time limit of the search for weights in seconds.
     """
-    slope = _slopes(eq, state)
-    xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
+    slope = _slopes(eq, evaluation)
+    xi = _of_solution(eq, evaluation, slope) if directions is None else _given(eq, directions)
     largest = maximum(eq.comm, slope)
     least = minimum(eq.comm, slope, np.inf)
     factor = np.inf
@@ -206,10 +206,10 @@ def criterion_at(
     return Renard(factor, factor * largest if same else None, definite)
 
 
-def _slopes(eq: ContactEquations, state: Evaluation) -> Array:
+def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
     """Return the coefficients of friction at the points of this rank, shape (n,)."""
     slopes = []
-    for s, known in zip(eq.surfaces, state.surfaces, strict=True):
+    for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
             raise ValueError(f"{s.name}: the criterion requires Coulomb's law, got {s.law}")
         slope = known.answers.unit_bound
@@ -217,11 +217,11 @@ def _slopes(eq: ContactEquations, state: Evaluation) -> Array:
     return np.concatenate(slopes)
 
 
-def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array:
+def _of_solution(eq: ContactEquations, evaluation: Evaluation, slope: Array) -> Array:
     """Return the directions xi of a solution at the points of this rank (n, dim). Collective."""
     n = point_normals(eq)
-    _, ut = split(n, np.concatenate([s.jump for s in state.surfaces]))
-    tension, rt = split(n, np.concatenate([s.traction for s in state.surfaces]))
+    _, ut = split(n, np.concatenate([s.jump for s in evaluation.surfaces]))
+    tension, rt = split(n, np.concatenate([s.traction for s in evaluation.surfaces]))
     bound = -slope * tension
     pressed = maximum(eq.comm, bound)
     presses = bound > _NOTHING * pressed

@@ -71,7 +71,7 @@ class SlipPattern:
         cls,
         eq: ContactEquations,
         direction: Direction,
-        state: Evaluation | None,
+        evaluation: Evaluation | None,
         *,
         by_law: bool = False,
     ) -> SlipPattern:
@@ -80,7 +80,7 @@ class SlipPattern:
         Args:
             eq: contact problem.
             direction: slip direction.
-            state: solution, used if ``direction`` is "solution".
+            evaluation: solution, used if ``direction`` is "solution".
             by_law: whether the laws determine the loose points; by default no point is loose.
 
         Raises:
@@ -91,8 +91,8 @@ class SlipPattern:
         smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
         if isinstance(direction, str):
             require(eq.comm, direction == "solution", _unknown(direction))
-            assert state is not None
-            touching, along = cls._of_state(eq, state)
+            assert evaluation is not None
+            touching, along = cls._of_state(eq, evaluation)
         else:
             touching = np.ones(len(n), dtype=bool)
             along = cls._along(eq, direction, smooth)
@@ -117,16 +117,16 @@ class SlipPattern:
         return along
 
     @staticmethod
-    def _of_state(eq: ContactEquations, state: Evaluation) -> tuple[Mask, Array]:
+    def _of_state(eq: ContactEquations, evaluation: Evaluation) -> tuple[Mask, Array]:
         n = point_normals(eq)
-        codes = np.concatenate([c for c in state.statuses])
+        codes = np.concatenate([c for c in evaluation.statuses])
         touching = closed(codes)
         sense = senses(codes)
         sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
         if eq.dim == 2:
             tangent = plane_tangents(n)
         else:
-            tangent = unit(split(n, np.concatenate([s.jump for s in state.surfaces]))[1])
+            tangent = unit(split(n, np.concatenate([s.jump for s in evaluation.surfaces]))[1])
         return touching, sign[:, None] * tangent
 
 

@@ -154,16 +154,16 @@ def stability_at_rest(
         known = type(s.law) in (Coulomb, Frictionless)
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
-    state = problem.evaluate()
+    evaluation = problem.evaluate()
     require_solution(problem)
-    doubt = small_sliding_violated(eq, state)
+    doubt = small_sliding_violated(eq, evaluation)
     if doubt:
         return Stability("not decided", reason=doubt)
-    body = body_of(eq, state.u, density, damping)
+    body = body_of(eq, evaluation.u, density, damping)
     try:
         positive = is_positive_definite(eq, body.M)
         require(eq.comm, positive, "the density must be positive everywhere")
-        points = _Points(eq, state)
+        points = _Points(eq, evaluation)
         quiet = _is_symmetric(eq, body.K) and (body.C is None or _is_dissipative(body))
         if points.border == 0:
             return _by_inertia(body, points) if quiet else _by_eigenvalues(body, points)
@@ -190,10 +190,12 @@ class _Points:
         rounds: whether the problem is 3D and a point with friction grazes.
     """
 
-    def __init__(self, eq: ContactEquations, state: Evaluation):
+    def __init__(self, eq: ContactEquations, evaluation: Evaluation):
         n = point_normals(eq)
-        codes = np.concatenate(list(state.statuses))
-        parts = [(s.points, found) for s, found in zip(eq.surfaces, state.surfaces, strict=True)]
+        codes = np.concatenate(list(evaluation.statuses))
+        parts = [
+            (s.points, found) for s, found in zip(eq.surfaces, evaluation.surfaces, strict=True)
+        ]
         jump = np.concatenate([f.jump for _, f in parts])
         force = np.concatenate([p.areas[:, None] * f.traction for p, f in parts])
         gap = np.concatenate([p.data.gap for p, _ in parts]) - np.sum(jump * n, axis=1)

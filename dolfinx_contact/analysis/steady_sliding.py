@@ -156,19 +156,19 @@ class SteadySliding(ReadOnly):
         eq = static_equations(problem)
         self._eq = eq
         self.comm = eq.comm
-        state = problem.evaluate()
+        evaluation = problem.evaluate()
         if isinstance(direction, str):
             require_solution(problem)
-        pattern = SlipPattern.of(eq, direction, state)
+        pattern = SlipPattern.of(eq, direction, evaluation)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
-        self._body = body_of(eq, state.u, density, damping)
+        self._body = body_of(eq, evaluation.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
         self._count = count
         rows = [self._slip.N, self._slip.D, self._slip.H]
         self._size = self._body.unknowns - rows[0].getSize()[0] - rows[2].getSize()[0]
         complete = self._size <= _DENSE if dense is None else dense
         self._matrices = DenseBody(self._body, rows) if complete else None
-        slopes = [s.answers.unit_bound for s in state.surfaces]
+        slopes = [s.answers.unit_bound for s in evaluation.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
 
     @collective("vibrations", _check_modes)

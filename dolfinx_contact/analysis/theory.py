@@ -55,10 +55,10 @@ def _coefficients(eq: ContactEquations) -> bool | None:
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.unknowns.create_vector()
-    state = eq.contact(x)
+    evaluation = eq.contact(x)
     x.destroy()
     mine = any(
         s.law.bound_kind == "proportional" and bool((known.answers.unit_bound > 0).any())
-        for s, known in zip(eq.surfaces, state.surfaces, strict=True)
+        for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True)
     )
     return any_rank(eq.comm, mine)

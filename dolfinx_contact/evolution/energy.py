@@ -244,30 +244,30 @@ class Motion:
 # -- at rest --------------------------------------------------------------------------------------
 
 
-def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
+def forces_at(eq: ContactEquations, evaluation: Evaluation) -> Forces:
     """Return the forces at a state with known reactions. Collective."""
-    assert state.reactions is not None
-    assert state.pushes is not None
+    assert evaluation.reactions is not None
+    assert evaluation.pushes is not None
     n = eq.owned_sizes[0]
-    u = state.u[:n].copy()
-    rows = eq.bulk.rows(state.u)
-    load = -eq.bulk.rows(np.zeros_like(state.u))
-    energy = eq.bulk.energy_at(state.u)
+    u = evaluation.u[:n].copy()
+    rows = eq.bulk.rows(evaluation.u)
+    load = -eq.bulk.rows(np.zeros_like(evaluation.u))
+    energy = eq.bulk.energy_at(evaluation.u)
     if energy is not None:
         energy += float(eq.comm.allreduce(float(np.dot(load, u))))
     surfaces = []
     covered = [np.ones(m) for m in eq.owned_sizes]
-    for i, (s, contact) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+    for i, (s, contact) in enumerate(zip(eq.surfaces, evaluation.surfaces, strict=True)):
         surfaces.append(_at_surface(s, contact))
         if s.slides:
             covered[i + 1] = np.repeat(_covered(s, contact), s.dim)
     return Forces(
         eq,
         u,
-        state.q.copy(),
-        load + np.where(eq.fixed[:n], state.reactions, 0.0),
+        evaluation.q.copy(),
+        load + np.where(eq.fixed[:n], evaluation.reactions, 0.0),
         rows + load,
-        eq.rigid.conjugate(state.q, state.pushes),
+        eq.rigid.conjugate(evaluation.q, evaluation.pushes),
         energy,
         tuple(surfaces),
         np.concatenate(covered) if any(s.slides for s in eq.surfaces) else None,
@@ -312,12 +312,12 @@ def _covered(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
 # -- in motion ------------------------------------------------------------------------------------
 
 
-def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Motion:
+def motion_at(eq: ContactEquations, evaluation: Evaluation, u: Array, v: Array) -> Motion:
     """Return the state of motion at the start or the end of a step. Collective.
 
     Args:
         eq: equations with the data at this time.
-        state: evaluation of the contact at this time.
+        evaluation: evaluation of the contact at this time.
         u: displacement, owned and ghost values.
         v: velocity, owned and ghost values.
     """
@@ -328,7 +328,7 @@ def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Mo
     inner = body.body.energy_at(u)
     products = np.array([load @ u[:n], 0.5 * v[:n] @ product(body.mass, v)])
     potential, kinetic = eq.comm.allreduce(products).tolist()
-    surfaces = tuple(map(_at_surface, eq.surfaces, state.surfaces))
+    surfaces = tuple(map(_at_surface, eq.surfaces, evaluation.surfaces))
     inner = None if inner is None else inner + potential
     return Motion(u, v, body.forces(u, v), load, inner, kinetic, surfaces)
 

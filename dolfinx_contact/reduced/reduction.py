@@ -392,9 +392,9 @@ class Reduction:
 
     def contract(self, x: PETSc.Vec) -> Array:
         """Return the state w = (a, r / ``force_unit``) of all points, (m, 2 dim). Collective."""
-        state = self._equations.contact(x)
+        evaluation = self._equations.contact(x)
         jumps, forces = [], []
-        for s, found in zip(self._equations.surfaces, state.surfaces, strict=True):
+        for s, found in zip(self._equations.surfaces, evaluation.surfaces, strict=True):
             jumps.append(found.jump - s.points.data.gap[:, None] * s.points.data.n)
             forces.append(found.traction * s.points.areas[:, None] / self.force_unit)
         T = self.points.frames

@@ -70,7 +70,7 @@ class Balance:
 
 def balance(
     eq: ContactEquations,
-    state: Evaluation,
+    evaluation: Evaluation,
     tables: Iterable[ContactTable],
     supports: Array,
 ) -> Balance:
@@ -78,7 +78,7 @@ def balance(
 
     Args:
         eq: contact problem.
-        state: evaluation with reactions.
+        evaluation: evaluation with reactions.
         tables: contact tables of all surfaces, in their order.
         supports: reactions of Dirichlet data at the local nodes (`support_at_nodes`).
     """
@@ -86,7 +86,7 @@ def balance(
     n = eq.V.dofmap.index_map.size_local
     reactions = supports[:n]
     support = _resultant(eq, reactions)
-    external = _resultant(eq, -eq.bulk.rows(state.u).reshape(-1, eq.dim))
+    external = _resultant(eq, -eq.bulk.rows(evaluation.u).reshape(-1, eq.dim))
     contact = np.zeros_like(support)
     size = 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
@@ -97,7 +97,7 @@ def balance(
     size += float(np.linalg.norm(external))
     # Stresses of a strain near zero, (I + grad u) - I, are round-off of the moduli.
     nothing = _NO_STRAIN * eq.scaling.stiffness * eq.body_size
-    moved = maximum(comm, np.abs(state.u))
+    moved = maximum(comm, np.abs(evaluation.u))
     size = max(size, nothing, round_off_force(eq, moved))
     left = contact + support + external
     left[_mirrored_axes(eq)] = 0.0
@@ -164,24 +164,24 @@ class PairBalance:
         }
 
 
-def pair_forces(eq: ContactEquations, number: int, state: Evaluation) -> Array:
+def pair_forces(eq: ContactEquations, number: int, evaluation: Evaluation) -> Array:
     """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective."""
-    found = state.surfaces[number]
-    return found.kinematics.operator.transpose(found.traction).reshape(-1, eq.dim)
+    contact = evaluation.surfaces[number]
+    return contact.kinematics.operator.transpose(contact.traction).reshape(-1, eq.dim)
 
 
-def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBalance:
+def pair_balance(eq: ContactEquations, number: int, evaluation: Evaluation) -> PairBalance:
     """Compute the balance of a pair at a state. Collective.
 
     Args:
         eq: contact problem.
         number: index of the pair among the surfaces.
-        state: evaluation of the state.
+        evaluation: evaluation of the state.
     """
     comm = eq.comm
     s = eq.surfaces[number]
     n = eq.V.dofmap.index_map.size_local
-    forces = pair_forces(eq, number, state)
+    forces = pair_forces(eq, number, evaluation)
     x = node_positions(eq.V)[:, : eq.dim]
     # Nodes at the front of a crack belong to both faces, where the forces cancel.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
@@ -192,7 +192,7 @@ def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBa
     size = float(np.linalg.norm(high - low))
     moment = None
     if s.slides:
-        x = x + state.u.reshape(-1, eq.dim)
+        x = x + evaluation.u.reshape(-1, eq.dim)
     if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
         arms = x[:n] - (low + high) / 2
         turned = np.cross(in_space(arms), in_space(forces))
@@ -274,17 +274,17 @@ class RigidBodyResult:
         }
 
 
-def rigid_body_results(eq: ContactEquations, state: Evaluation) -> dict[str, RigidBodyResult]:
+def rigid_body_results(eq: ContactEquations, evaluation: Evaluation) -> dict[str, RigidBodyResult]:
     """Return the rigid bodies at a state with reactions, by name."""
     found = {}
     rigid = eq.rigid
-    assert state.pushes is not None
+    assert evaluation.pushes is not None
     loads = rigid.loads
-    support = np.where(rigid.fixed, -state.pushes, 0.0)
+    support = np.where(rigid.fixed, -evaluation.pushes, 0.0)
     for b in rigid.bodies:
         contact, load, held = (
-            rigid.forces_of_body(v, b) + 0.0 for v in (state.pushes, loads, support)
+            rigid.forces_of_body(v, b) + 0.0 for v in (evaluation.pushes, loads, support)
         )
-        motion = rigid.of_body(state.q, b)
+        motion = rigid.of_body(evaluation.q, b)
         found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, held, b.dim)
     return found

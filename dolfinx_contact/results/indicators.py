@@ -328,21 +328,23 @@ class Indicators:
         return found
 
 
-def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
+def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
     """Return the indicators of a state in the Functions. Collective."""
-    surfaces = surface_indicators(eq, state)
-    apart, floating = _apart(eq, state), _floating(eq, state)
+    surfaces = surface_indicators(eq, evaluation)
+    apart, floating = _apart(eq, evaluation), _floating(eq, evaluation)
     if eq.bulk.linear:
         parts = eq.scaling.parts
         turn = None
         if not eq.axisymmetric:
-            turn = float(np.degrees(parts.largest_turn(eq.nodes, state.u)))
-        moved, extents = parts.differences(eq.nodes, state.u)
+            turn = float(np.degrees(parts.largest_turn(eq.nodes, evaluation.u)))
+        moved, extents = parts.differences(eq.nodes, evaluation.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
-        det = _min_det_F(eq, state) if np.any(moved > extents.min(axis=1)) else None
+        det = _min_det_F(eq, evaluation) if np.any(moved > extents.min(axis=1)) else None
         return Indicators(surfaces, det, turn, displacement, apart=apart, floating=floating)
-    return Indicators(surfaces, min_det_F=_min_det_F(eq, state), apart=apart, floating=floating)
+    return Indicators(
+        surfaces, min_det_F=_min_det_F(eq, evaluation), apart=apart, floating=floating
+    )
 
 
 def alternation(tables: Sequence[ContactTable]) -> float:
@@ -366,7 +368,7 @@ def alternation(tables: Sequence[ContactTable]) -> float:
     return float(sizes.min() / largest)
 
 
-def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
+def _apart(eq: ContactEquations, evaluation: Evaluation) -> float | None:
     """Return the smallest gap of a moved body that touches nothing, or None. Collective.
 
     The faces of a crack, and a face that may touch itself, belong to one body and may stay open.
@@ -375,8 +377,8 @@ def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
     if any(memory is not None for memory in eq.memory):
         return None
     _, none = least_scales(eq, 0.0)
-    moved, acting, gaps = bool(np.any(np.abs(state.u) > none)), False, []
-    for s, contact, held in _contacts(eq, state):
+    moved, acting, gaps = bool(np.any(np.abs(evaluation.u) > none)), False, []
+    for s, contact, held in _contacts(eq, evaluation):
         acting |= bool(np.any(closed(contact.statuses) & ~held) or np.any(contact.answer))
         if not _within_one_part(eq, s):
             gaps.append(contact.kinematics.gap[~held])
@@ -395,75 +397,77 @@ def _within_one_part(eq: ContactEquations, s: DiscreteSurface) -> bool:
     return minimum(eq.comm, part, np.inf) == -minimum(eq.comm, -part, np.inf)
 
 
-def _floating(eq: ContactEquations, state: Evaluation) -> str:
+def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return the rigid motions that only contact without force holds. Collective."""
     scaling = eq.scaling
     if not len(scaling.loose):
         return ""
-    size = maximum(eq.comm, np.abs(state.u))
+    size = maximum(eq.comm, np.abs(evaluation.u))
     mobile = scaling.loose.any(axis=(0, 2))
-    moved = bool(np.any(np.abs(state.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
+    moved = bool(np.any(np.abs(evaluation.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
     if not any_rank(eq.comm, moved):
         return ""
     least = _ROUND_OFF * round_off_force(eq, size)
     carrying = []
-    for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
+    for s, contact in zip(eq.surfaces, evaluation.surfaces, strict=True):
         force = np.linalg.norm(contact.traction, axis=1) * s.points.areas
         carrying.append(np.where(force > least, contact.statuses, OPEN))
-    held = not scaling.not_held(state.statuses, state)
-    return scaling.not_held(carrying, state) if held else ""
+    held = not scaling.not_held(evaluation.statuses, evaluation)
+    return scaling.not_held(carrying, evaluation) if held else ""
 
 
-def _min_det_F(eq: ContactEquations, state: Evaluation) -> float:
+def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
     """Return the smallest det(I + grad u). Collective."""
-    return smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)[0]
+    return smallest_jacobian(eq.V, evaluation.u, axisymmetric=eq.axisymmetric)[0]
 
 
-def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
+def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return why small sliding is not valid for the state in the Functions; "" if it is.
 
     Proofs refuse such a state, because the solved problem differs from that of the displaced
     bodies. Collective.
     """
     found = {
-        s.name: _of_small_sliding(eq, s, state, contact, held)
-        for s, contact, held in _contacts(eq, state)
+        s.name: _of_small_sliding(eq, s, evaluation, contact, held)
+        for s, contact, held in _contacts(eq, evaluation)
     }
     return "; ".join(f"{name}: {text}" for name, text in Indicators(found).warnings.items())
 
 
-def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, SurfaceIndicators]:
+def surface_indicators(
+    eq: ContactEquations, evaluation: Evaluation
+) -> dict[str, SurfaceIndicators]:
     """Return the indicators of every contact surface, by name. Collective."""
     return {
-        s.name: _of_surface(eq, s, state, contact, held)
-        for s, contact, held in _contacts(eq, state)
+        s.name: _of_surface(eq, s, evaluation, contact, held)
+        for s, contact, held in _contacts(eq, evaluation)
     }
 
 
 def _of_surface(
     eq: ContactEquations,
     s: DiscreteSurface,
-    state: Evaluation,
+    evaluation: Evaluation,
     contact: SurfaceEvaluation,
     held: Mask,
 ) -> SurfaceIndicators:
     """Return the indicators of a surface; ``held`` is the mask of clamped points. Collective."""
-    found = _of_small_sliding(eq, s, state, contact, held)
+    found = _of_small_sliding(eq, s, evaluation, contact, held)
     depth = maximum(s.comm, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
     found = replace(
         found,
         spin=_spin(eq, s, contact),
         penetration=depth,
         growth=_growth(eq, s, contact),
-        negative_bound=_negative_bound(eq, s, state, contact),
+        negative_bound=_negative_bound(eq, s, evaluation, contact),
     )
     if s.slides:
         passed = contact.kinematics.operator.facets_passed  # type: ignore[attr-defined]
         return replace(
             found,
             slip_in_step=maximum(s.comm, _touching(contact, passed)),
-            approach=_approach(eq, s, state, contact),
-            behind_plane=_behind_plane(eq, s, state) / found.facet,
+            approach=_approach(eq, s, evaluation, contact),
+            behind_plane=_behind_plane(eq, s, evaluation) / found.facet,
         )
     if s.between_bodies:
         return found
@@ -471,20 +475,20 @@ def _of_surface(
         found,
         slip_in_step=_slip_over_facets(s, contact),
         passing=_passing(s, contact),
-        between_points=_between_points(s, state),
-        across=_across(eq, s, state, contact, held),
+        between_points=_between_points(s, evaluation),
+        across=_across(eq, s, evaluation, contact, held),
         overlap=_overlap(eq, s, contact),
-        beside=_beside(eq, s, state, contact),
+        beside=_beside(eq, s, evaluation, contact),
         facets=_facets(eq, s, contact),
     )
 
 
 def _contacts(
-    eq: ContactEquations, state: Evaluation
+    eq: ContactEquations, evaluation: Evaluation
 ) -> list[tuple[DiscreteSurface, SurfaceEvaluation, Mask]]:
     """Return surfaces, their evaluations, and masks (n,) of points clamped by Dirichlet data."""
     found = []
-    parts = zip(eq.surfaces, eq.constraints.surfaces, state.surfaces, strict=True)
+    parts = zip(eq.surfaces, eq.constraints.surfaces, evaluation.surfaces, strict=True)
     for s, constraints, contact in parts:
         n = len(contact.statuses)
         none = np.zeros(n, dtype=bool)
@@ -494,7 +498,7 @@ def _contacts(
 
 
 def _negative_bound(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
+    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Return the largest negative friction bound of closed points over the largest force.
 
@@ -503,7 +507,7 @@ def _negative_bound(
     areas = s.points.areas
     below = maximum(s.comm, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
     largest = maximum(s.comm, np.linalg.norm(contact.traction, axis=1) * areas)
-    size = maximum(s.comm, np.abs(state.u))
+    size = maximum(s.comm, np.abs(evaluation.u))
     none, _ = least_scales(eq, size)
     return below / max(largest, round_off_force(eq, size)) if below > none else 0.0
 
@@ -576,20 +580,20 @@ def _angles(a: Array, b: Array) -> Array:
 def _of_small_sliding(
     eq: ContactEquations,
     s: DiscreteSurface,
-    state: Evaluation,
+    evaluation: Evaluation,
     contact: SurfaceEvaluation,
     held: Mask,
 ) -> SurfaceIndicators:
     """Return misfit, slip and turn of a surface. Collective."""
     found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
     if s.between_bodies and not s.slides:
-        return _of_pair(s, state, contact, held, found)
+        return _of_pair(s, evaluation, contact, held, found)
     if s.obstacle.flat or s.displaced is not None:
         return found
     true = s.true_gaps()
     if true is None:
         return replace(found, misfit=None)
-    off = _off(eq.terms[eq.surfaces.index(s)].gaps(state), true, closed(contact.statuses))
+    off = _off(eq.terms[eq.surfaces.index(s)].gaps(evaluation), true, closed(contact.statuses))
     return replace(found, misfit=maximum(s.comm, np.where(held, 0.0, off)))
 
 
@@ -601,7 +605,7 @@ def _off(law: Array, true: Array, is_closed: Mask) -> Array:
 
 def _of_pair(
     s: DiscreteSurface,
-    state: Evaluation,
+    evaluation: Evaluation,
     contact: SurfaceEvaluation,
     held: Mask,
     found: SurfaceIndicators,
@@ -610,7 +614,7 @@ def _of_pair(
     at = contact.kinematics
     n = s.points.data.n
     jump = at.jump + at.reference
-    u = state.u.reshape(-1, s.dim)
+    u = evaluation.u.reshape(-1, s.dim)
     touching = closed(contact.statuses) & ~held
     # compare the master where it is with the master of the mesh, whose facets may be chords
     facets = s.obstacle.opposite.master_facets
@@ -689,12 +693,12 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 
 
 def _approach(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
+    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Approach in a step of points that face nothing over the search distance. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
-    moved: Array = state.u[: n * eq.dim].reshape(-1, eq.dim)
+    moved: Array = evaluation.u[: n * eq.dim].reshape(-1, eq.dim)
     memory = contact.kinematics.memory
     if memory is not None and memory.displacement is not None:
         moved = moved - memory.displacement
@@ -708,13 +712,13 @@ def _approach(
     return maximum(s.comm, way.sum(axis=1)) / opposite.depth
 
 
-def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -> float:
+def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation) -> float:
     """Largest depth of nodes of both faces behind planes of symmetry, a length. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     faces = np.logical_or(*opposite.sides)[:n]
     X = s.node_positions[:n][faces]
-    x = X + state.u[: n * eq.dim].reshape(-1, eq.dim)[faces]
+    x = X + evaluation.u[: n * eq.dim].reshape(-1, eq.dim)[faces]
     depth = 0.0
     for axis, place in opposite.planes.items():
         side = np.sign(s.comm.allreduce(float(np.sum(X[:, axis] - place))))
@@ -761,9 +765,9 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
 # -- edges of the obstacle -----------------------------------------------------------------------
 
 
-def _between_points(s: DiscreteSurface, state: Evaluation) -> float:
+def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
     """Depth of the obstacle in a facet, between contact points, over the facet size. Collective."""
-    return maximum(s.comm, _deepest(s, state.u.reshape(-1, s.dim)))
+    return maximum(s.comm, _deepest(s, evaluation.u.reshape(-1, s.dim)))
 
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
@@ -849,14 +853,14 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluatio
 
 
 def _beside(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: SurfaceEvaluation
+    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
     """Depth of boundary nodes on no contact surface over the compression. Collective."""
     compression = _compression(eq, s, contact)
     if compression == 0.0:
         return 0.0
     motion = None if s.rigid_body is None else s.rigid_body.values
-    u = state.u.reshape(-1, s.dim)[: s.owned_nodes]
+    u = evaluation.u.reshape(-1, s.dim)[: s.owned_nodes]
     x = eq.nodes[: s.owned_nodes] + s.partner.relative(u, motion)
     gaps = s.gaps_at(x[eq.bare_nodes])
     if gaps is None:
@@ -890,12 +894,12 @@ def _facets(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation
 def _across(
     eq: ContactEquations,
     s: DiscreteSurface,
-    state: Evaluation,
+    evaluation: Evaluation,
     contact: SurfaceEvaluation,
     held: Mask,
 ) -> float:
     """Fraction of the normal forces where face and obstacle have other normals. Collective."""
-    u = state.u.reshape(-1, s.dim)
+    u = evaluation.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = s.points.outward(u if follows else np.zeros_like(u))
     force = np.where(held, 0.0, _normal_forces(contact, s.points.areas))

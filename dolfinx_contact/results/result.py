@@ -224,7 +224,7 @@ def _shown(vector: Array, largest: float) -> str:
 
 def collect(
     eq: ContactEquations,
-    state: Evaluation,
+    evaluation: Evaluation,
     attempts: Sequence[Attempt],
     shown: Shown | None = None,
 ) -> Result:
@@ -232,7 +232,7 @@ def collect(
 
     Args:
         eq: equations of the contact problem.
-        state: evaluation at the solution, with reactions.
+        evaluation: evaluation at the solution, with reactions.
         attempts: strategies that were tried; the last one converged.
         shown: function of the solution returning the equations and the evaluation used for
             tables and indicators; default: equations and evaluation of the solution. In dynamics,
@@ -241,21 +241,21 @@ def collect(
     Raises:
         ValueError: on every rank, if a point touches an obstacle where its normal is undefined.
     """
-    assert state.reactions is not None
-    lost = without_normal(eq, state) or held_across(eq, state)
+    assert evaluation.reactions is not None
+    lost = without_normal(eq, evaluation) or held_across(eq, evaluation)
     require(eq.comm, not lost, lost)
-    at = (eq, state) if shown is None else shown(state)
+    at = (eq, evaluation) if shown is None else shown(evaluation)
     supports = support_at_nodes(*at)
     tables = {
         s.name: contact_table(at[0], number, at[1], supports)
         for number, s in enumerate(eq.surfaces)
     }
-    energy = eq.bulk.energy_at(state.u)
+    energy = eq.bulk.energy_at(evaluation.u)
     energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
-    scales = _scales_of_law(eq, state, tables.values())
-    forces = balance(eq, state, tables.values(), supports)
-    violated = violation(eq, state, *scales)
+    scales = _scales_of_law(eq, evaluation, tables.values())
+    forces = balance(eq, evaluation, tables.values(), supports)
+    violated = violation(eq, evaluation, *scales)
     weak = any(s.points.E is not None for s in eq.surfaces)
     warnings = dict(eq.warnings)
     if not weak and not violated <= _LARGEST_VIOLATION:
@@ -281,27 +281,27 @@ def collect(
         forces.imbalance,
         Named(
             {
-                s.name: pair_balance(eq, number, state)
+                s.name: pair_balance(eq, number, evaluation)
                 for number, s in enumerate(eq.surfaces)
                 if s.between_bodies
             }
         ),
         indicators_of(*at),
-        Named(rigid_body_results(eq, state)),
+        Named(rigid_body_results(eq, evaluation)),
         all(memory is None for memory in eq.memory),
         warnings,
     )
 
 
 def _scales_of_law(
-    eq: ContactEquations, state: Evaluation, tables: Collection[ContactTable]
+    eq: ContactEquations, evaluation: Evaluation, tables: Collection[ContactTable]
 ) -> Scales:
     """Return the scales for the violation of a law. Collective."""
-    assert state.reactions is not None
+    assert evaluation.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
-    contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
+    contacts = zip(eq.surfaces, evaluation.surfaces, eq.scaling.at_vertices, strict=True)
     kept = [held_back(s, found, stiffness) for s, found, stiffness in contacts]
-    force = max(largest, maximum(eq.comm, np.abs(state.reactions)))
-    u = max(maximum(eq.comm, np.abs(state.u)), maximum(eq.comm, kept))
+    force = max(largest, maximum(eq.comm, np.abs(evaluation.reactions)))
+    u = max(maximum(eq.comm, np.abs(evaluation.u)), maximum(eq.comm, kept))
     none = least_scales(eq, u)
     return Scales(max(force, round_off_force(eq, u), none.force), max(u, none.length))

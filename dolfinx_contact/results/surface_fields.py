@@ -52,23 +52,25 @@ def contact_fields(
         Functions by name, see `ContactProblem.contact_fields`.
     """
     s = eq.surfaces[number]
-    state = vertex_state(eq, number, evaluation)
-    shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
+    at_vertices = vertex_state(eq, number, evaluation)
+    shares = np.stack(
+        [at_vertices["open"], 1 - at_vertices["open"] - at_vertices["slip"], at_vertices["slip"]]
+    )
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
     clamped = _at_vertices(s, eq.constraints.surfaces[number].clamped)
     status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
-            state[name][clamped] = 0.0  # as in the table
+            at_vertices[name][clamped] = 0.0  # as in the table
     trace = s.points.vertex_trace_dofs
     supports = forces_at_vertices(eq.V, s.submesh, trace, support_at_nodes(eq, evaluation))
     values = {
         "displacement": evaluation.u.reshape(-1, s.dim)[trace],
-        "traction": state["traction"],
-        "pressure": state["pressure"],
-        "shear": state["shear"],
-        "gap": state["un"],
-        "slip": state["ut"],
+        "traction": at_vertices["traction"],
+        "pressure": at_vertices["pressure"],
+        "shear": at_vertices["shear"],
+        "gap": at_vertices["un"],
+        "slip": at_vertices["ut"],
         "status": status,
         "support": supports / s.points.geometry.whole_areas[:, None],
     }
@@ -96,13 +98,13 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         ``minus`` in 2D that of the area slipping with u_t < 0.
     """
     s = eq.surfaces[number]
-    found = evaluation.surfaces[number]
+    contact = evaluation.surfaces[number]
     points = s.points
-    at = found.kinematics
-    bound = friction_bound(s, found)
-    friction = senses(found.statuses)
-    slips = closed(found.statuses) & ((friction == PLUS) | (friction == MINUS))
-    shares = {"open": ~closed(found.statuses), "slip": slips}
+    at = contact.kinematics
+    bound = friction_bound(s, contact)
+    friction = senses(contact.statuses)
+    slips = closed(contact.statuses) & ((friction == PLUS) | (friction == MINUS))
+    shares = {"open": ~closed(contact.statuses), "slip": slips}
     if s.dim == 2:
         # Without friction the status has no sign of slip: use the motion.
         moved = along_tangent(at.increment, at.data.n)
@@ -112,7 +114,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         values |= _interpolated(eq, s, evaluation, at.slip)
         values["bound"] = points.at_vertices(bound)
     else:
-        at_points = {"un": at.gap, "ut": at.slip, "n": at.data.n, "traction": found.traction}
+        at_points = {"un": at.gap, "ut": at.slip, "n": at.data.n, "traction": contact.traction}
         at_points["bound"] = bound
         values |= {k: points.exchange.from_owners(v) for k, v in at_points.items()}
     values["pressure"] = -np.sum(values["traction"] * values["n"], axis=1)

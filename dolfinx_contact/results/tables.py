@@ -222,7 +222,7 @@ class ContactTable:
 
 
 def contact_table(
-    eq: ContactEquations, number: int, state: Evaluation, supports: Array
+    eq: ContactEquations, number: int, evaluation: Evaluation, supports: Array
 ) -> ContactTable:
     """Return the table of a surface at a state. Collective.
 
@@ -232,20 +232,20 @@ def contact_table(
     Args:
         eq: contact problem.
         number: index of the surface.
-        state: evaluation with reactions.
+        evaluation: evaluation with reactions.
         supports: reactions of Dirichlet data at the local nodes, shape (nodes, dim).
     """
     s = eq.surfaces[number]
-    found = state.surfaces[number]
+    contact = evaluation.surfaces[number]
     clamped = eq.constraints.surfaces[number].clamped
     removed = eq.constraints.surfaces[number].removed
-    at = found.kinematics
+    at = contact.kinematics
     n = s.points.number
     area = at.operator.areas
     normal = at.data.n
-    traction = found.traction
-    letters = _letters(s, found)
-    bound = friction_bound(s, found) * area
+    traction = contact.traction
+    letters = _letters(s, contact)
+    bound = friction_bound(s, contact) * area
     support = np.zeros_like(traction)
     if s.method != "integral":
         held = clamped[:n]
@@ -281,13 +281,13 @@ def contact_table(
     }
     # laws with memory: variables, bonds, and slip distance
     variables = s.law.variables(s.dim).items()
-    internal = {name: found.answers.bond(f"after.{inner}") for name, inner in variables}
+    internal = {name: contact.answers.bond(f"after.{inner}") for name, inner in variables}
     if s.law_at_points.compiled.bonded:
-        columns["bond"] = _letters_of_bonds(s, found, internal)
-        adhesion = found.answers.bond("traction") * area[:, None]
+        columns["bond"] = _letters_of_bonds(s, contact, internal)
+        adhesion = contact.answers.bond("traction") * area[:, None]
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, adhesion)
     if s.law_at_points.compiled.knows_slip:
-        columns["slid"] = slid_after(found.data, found.jump, found.statuses)
+        columns["slid"] = slid_after(contact.data, contact.jump, contact.statuses)
     gathered = Gathered(s.comm, s.points.positions, s.points.ids)
     return ContactTable(
         s.name,
@@ -298,7 +298,7 @@ def contact_table(
     )
 
 
-def violation(eq: ContactEquations, state: Evaluation, force: float, length: float) -> float:
+def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length: float) -> float:
     """Return the largest violation of the contact laws, relative to ``force``. Collective.
 
     The violation is measured by the natural residual t - tau(j, t) at all points that are not
@@ -310,18 +310,18 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
 
     Args:
         eq: contact problem.
-        state: evaluation.
+        evaluation: evaluation.
         force: force scale.
         length: length scale.
     """
     worst = 0.0
-    for number, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+    for number, (s, contact) in enumerate(zip(eq.surfaces, evaluation.surfaces, strict=True)):
         points = s.points
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
-        answers = s.law_at_points(found.jump, found.traction, replace(found.data, r=r))
-        held = answers.holds(found.statuses)
-        codes = np.where(held, found.statuses, answers.required)
-        off = (found.traction - answers.traction(codes)) * points.areas[:, None]
+        answers = s.law_at_points(contact.jump, contact.traction, replace(contact.data, r=r))
+        held = answers.holds(contact.statuses)
+        codes = np.where(held, contact.statuses, answers.required)
+        off = (contact.traction - answers.traction(codes)) * points.areas[:, None]
         if s.method != "integral":
             constraints = eq.constraints.surfaces[number]
             off[constraints.removed[: points.number]] = 0.0
@@ -329,49 +329,49 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
         else:
             missed = answers.missed
         missed = np.where(held, 0.0, missed)
-        share = found.kinematics.operator.share
+        share = contact.kinematics.operator.share
         if share is not None:  # partly covered nodes have another condition
-            off = np.where((share < 1.0)[:, None], found.off * points.areas[:, None], off)
+            off = np.where((share < 1.0)[:, None], contact.off * points.areas[:, None], off)
             missed = np.where(share < 1.0, 0.0, missed)
         off = np.maximum(np.abs(off), (missed * points.areas)[:, None])
         worst = max(worst, float(np.max(off, initial=0.0)))
     return float(eq.comm.allreduce(worst / force, op=np.maximum))
 
 
-def friction_bound(s: DiscreteSurface, found: SurfaceEvaluation) -> Array:
+def friction_bound(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
     """Return the radius of the friction disc at the pressure of the law, shape (n,).
 
     It is 0 at points without friction.
     """
-    acts = closed(found.answers.required) | (not s.law.needs_pressure)
-    return np.where(acts, np.maximum(found.answers.bound, 0.0), 0.0)
+    acts = closed(contact.answers.required) | (not s.law.needs_pressure)
+    return np.where(acts, np.maximum(contact.answers.bound, 0.0), 0.0)
 
 
-def _letters(s: DiscreteSurface, found: SurfaceEvaluation) -> npt.NDArray[np.str_]:
+def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.str_]:
     """Return status letters; at frictionless points, the letters of the sliding direction."""
-    touching = closed(found.statuses)
-    contact = without_damage(found.statuses)
-    letters = np.where(touching, status.letters(s.dim)[contact], "o")
+    touching = closed(contact.statuses)
+    codes = without_damage(contact.statuses)
+    letters = np.where(touching, status.letters(s.dim)[codes], "o")
     if s.dim == 3:
         return letters
     free = touching.copy()
-    bond = found.statuses - contact
+    bond = contact.statuses - codes
     for of_bond in np.unique(bond):
-        free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
-    at = found.kinematics
+        free &= (bond != of_bond) | ~contact.answers.may_be(STICK + of_bond)
+    at = contact.kinematics
     return np.where(free, np.where(along_tangent(at.increment, at.data.n) < 0, "-", "+"), letters)
 
 
 def _letters_of_bonds(
-    s: DiscreteSurface, found: SurfaceEvaluation, internal: dict[str, Array]
+    s: DiscreteSurface, contact: SurfaceEvaluation, internal: dict[str, Array]
 ) -> npt.NDArray[np.str_]:
     """Return the letters of `ContactTable.bond`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")
     x = s.law.weakening
     if x is not None:
-        lost = x.sense * (internal[x.name] - found.data.fields[x.name])
+        lost = x.sense * (internal[x.name] - contact.data.fields[x.name])
         letters = np.where(lost > 0, "w", np.where(lost < 0, "r", "i"))
-    return np.where(found.answers.bond("broken") > 0, "b", letters)
+    return np.where(contact.answers.bond("broken") > 0, "b", letters)
 
 
 def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_]:

@@ -69,7 +69,8 @@ class Attempt:
         evaluations: number of residual evaluations.
         linear_solver_failed: whether it ended because PETSc did not solve a linear system.
         floats: whether it ended because a rigid motion of the body was free.
-        state: evaluation at the solution, until the result is made; None if it must be repeated.
+        evaluation: evaluation at the solution, until the result is made; None if it must be
+            repeated.
         series: further values reported by an algorithm, by name, one per iterate unless the
             algorithm states otherwise.
     """
@@ -83,7 +84,7 @@ class Attempt:
     evaluations: int = 0
     linear_solver_failed: bool = False
     floats: bool = False
-    state: Evaluation | None = None
+    evaluation: Evaluation | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 
     def report(self, **values: float) -> None:

@@ -88,13 +88,13 @@ def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
     """Reduce strengths to those of the law at a state; return the largest change. Collective."""
     change = 0.0
-    for i, (s, found) in enumerate(zip(eq.surfaces, eq.contact(x).surfaces, strict=True)):
+    for i, (s, contact) in enumerate(zip(eq.surfaces, eq.contact(x).surfaces, strict=True)):
         before = strengths[i]
         if before is None:
             continue
         bond = s.law.weakening
         assert bond is not None
-        now = found.answers.bond(f"after.{bond.name}")
+        now = contact.answers.bond(f"after.{bond.name}")
         after = np.maximum(before, now) if bond.sense > 0 else np.minimum(before, now)
         change = max(change, float(np.max(np.abs(after - before), initial=0.0)))
         strengths[i] = after

@@ -47,22 +47,22 @@ class ClosedPoints:
     guessed: bool
 
     @classmethod
-    def of(cls, eq: ContactEquations, state: Evaluation) -> ClosedPoints:
+    def of(cls, eq: ContactEquations, evaluation: Evaluation) -> ClosedPoints:
         """Return the closed nodes and points, guessed if a surface has none. Collective."""
         V = eq.V
         bs = V.dofmap.index_map_bs
         nodes: list[Indices] = [np.zeros(0, dtype=np.int32)]
         joined = []
         guessed = False
-        for term, found in zip(eq.terms, state.surfaces, strict=True):
+        for term, contact in zip(eq.terms, evaluation.surfaces, strict=True):
             s = term.surface
-            points = closed(found.statuses)
+            points = closed(contact.statuses)
             touching = count_of(eq.comm, points) > 0
             guessed = guessed or not touching
             # Too many closed nodes cost less than too few.
-            reach = eq.constraints.reach(s, state.u) or np.inf
+            reach = eq.constraints.reach(s, evaluation.u) or np.inf
             if s.between_bodies:
-                gaps = term.gaps(state) if s.slides else s.points.data.gap
+                gaps = term.gaps(evaluation) if s.slides else s.points.data.gap
                 joined.append(points if touching else gaps <= reach)
                 continue
             vertices = s.points.at_vertices(points.astype(float)) > 0.5
@@ -86,14 +86,14 @@ class ClosedPoints:
         return any(bool((a != b).any()) for a, b in pairs)
 
     def springs(
-        self, equations: ContactEquations, stiffness: PETSc.Mat, state: Evaluation
+        self, equations: ContactEquations, stiffness: PETSc.Mat, evaluation: Evaluation
     ) -> PETSc.Mat | None:
         """Return B_c^T kappa B_c in the numbering of the stiffness; None without pairs. Collective.
 
         Args:
             equations: contact problem.
             stiffness: stiffness K.
-            state: evaluation with the positions of sliding faces.
+            evaluation: evaluation with the positions of sliding faces.
         """
         pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
         if not pairs:
@@ -106,7 +106,7 @@ class ClosedPoints:
         for i, points in zip(pairs, self.joined, strict=True):
             s = equations.surfaces[i]
             whole = s.points.from_vertices(s.points.geometry.vertex_areas)
-            operator = state.surfaces[i].kinematics.operator
+            operator = evaluation.surfaces[i].kinematics.operator
             B = operator.scalar_matrix(equations.comm, len(compliance))
             found.append(_springs(B, points * operator.areas / whole, compliance))
             B.destroy()

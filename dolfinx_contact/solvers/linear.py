@@ -71,9 +71,9 @@ class AssembledSolver(LinearSolver):
         self._residual = r.norm() / (b.norm() or 1.0)
         r.destroy()
 
-    def update(self, state: Evaluation) -> None:
+    def update(self, evaluation: Evaluation) -> None:
         with logged("ContactJacobian"):
-            self._jacobian.update(state)
+            self._jacobian.update(evaluation)
         self.matrix = self._jacobian.matrix  # a new one if its pattern has changed
 
     def destroy(self) -> None:

@@ -59,12 +59,12 @@ class ContactOperator:
         """Diagonal entry of the Dirichlet rows."""
         return self.equations.scaling.stiffness
 
-    def update(self, state: Evaluation) -> None:
+    def update(self, evaluation: Evaluation) -> None:
         """Assemble at a state. Collective."""
-        self.stiffness = self.equations.bulk.stiffness(state.u)
-        self.update_contact(state)
+        self.stiffness = self.equations.bulk.stiffness(evaluation.u)
+        self.update_contact(evaluation)
 
-    def update_contact(self, state: Evaluation) -> None:
+    def update_contact(self, evaluation: Evaluation) -> None:
         """Assemble only S; for a nonlinear body, K is then out of date. Collective.
 
         For finite sliding, `contact` may be a new matrix after this call.
@@ -73,7 +73,7 @@ class ContactOperator:
             self.contact.destroy()
             self.contact = self._terms.create_matrix()
         self.contact.zeroEntries()
-        self._terms.add(state, self.contact)
+        self._terms.add(evaluation, self.contact)
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Compute y = J x."""

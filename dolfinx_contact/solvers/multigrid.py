@@ -203,19 +203,19 @@ class Multigrid(LinearSolver):
 
     # -- linear solver of Newton's method --------------------------------------------------------
 
-    def update(self, state: Evaluation) -> None:
+    def update(self, evaluation: Evaluation) -> None:
         with logged("ContactJacobian"):
-            self.operator.update(state)
+            self.operator.update(evaluation)
         self.filter.update()
         bulk = self._equations.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
         now = self.hierarchy.interpolation
         dear = self._excess * now.iteration > now.set_up
-        aged = dear and not self._changing and self._is_stale(state)
+        aged = dear and not self._changing and self._is_stale(evaluation)
         self._changing = False  # only for one step; continuation does not call `prepare`
         smooth = self._dearer > SMOOTHED.set_up and self._smooth()
         if self.hierarchy.pc is None or changed or aged or smooth:
-            self.build(state)
+            self.build(evaluation)
 
     def _smooth(self) -> bool:
         """Switch from plain to smoothed aggregates, and return whether this was possible."""
@@ -224,12 +224,12 @@ class Multigrid(LinearSolver):
         self.hierarchy.interpolation = SMOOTHED
         return True
 
-    def build(self, state: Evaluation) -> None:
+    def build(self, evaluation: Evaluation) -> None:
         """Build the hierarchy from the statuses or from guessed ones. Collective."""
         A = self.operator
-        self._closed = ClosedPoints.of(self._equations, state)
+        self._closed = ClosedPoints.of(self._equations, evaluation)
         held = np.union1d(A.fixed, np.flatnonzero(self._closed.held)).astype(np.int32)
-        added = self._closed.springs(self._equations, A.stiffness, state)
+        added = self._closed.springs(self._equations, A.stiffness, evaluation)
         products = self._equations.bulk.for_products
         half = products if products is not A.stiffness else None
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
@@ -242,7 +242,7 @@ class Multigrid(LinearSolver):
             )
 
     def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
+        self, ksp: PETSc.KSP, step: Step, target: float, evaluation: Evaluation, *, warm: bool
     ) -> None:
         if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
             return
@@ -255,20 +255,20 @@ class Multigrid(LinearSolver):
             # A hierarchy built while many points change would soon be outdated.
             self._changing = changed > self.forcing.many
             if not self._changing:
-                self._rebuild_if_it_pays(step, digits, target, state)
+                self._rebuild_if_it_pays(step, digits, target, evaluation)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
-    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, evaluation: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         if not self.filter.is_on_surface(residual, _NEGLIGIBLE):
             return False
         with logged("ContactJacobian"):
-            self.operator.update_contact(state)
+            self.operator.update_contact(evaluation)
         self.filter.update()
         self.apply_exact(residual, correction)
         return True
 
     def _rebuild_if_it_pays(
-        self, step: Step, digits: float, target: float, state: Evaluation
+        self, step: Step, digits: float, target: float, evaluation: Evaluation
     ) -> None:
         """Build a new hierarchy if it saves more iterations than it costs. Collective."""
         per_digit = step.krylov / max(digits, 1.0)
@@ -276,22 +276,22 @@ class Multigrid(LinearSolver):
         now = self.hierarchy.interpolation
         smooth = (per_digit - _SMOOTHED_PER_DIGIT) * left > SMOOTHED.set_up and self._smooth()
         saved = (per_digit - self._per_digit) * left * now.iteration
-        if smooth or (saved > now.set_up and self._is_stale(state)):
-            self.build(state)
+        if smooth or (saved > now.set_up and self._is_stale(evaluation)):
+            self.build(evaluation)
 
-    def _is_stale(self, state: Evaluation) -> bool:
+    def _is_stale(self, evaluation: Evaluation) -> bool:
         """Return whether a hierarchy built now would differ. Collective."""
-        moved = ClosedPoints.of(self._equations, state).differs(self._closed)
+        moved = ClosedPoints.of(self._equations, evaluation).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
         return any_rank(self.comm, moved or other)
 
     def tighten(self) -> bool:
         return self.forcing.tighten()
 
-    def retry(self, state: Evaluation) -> bool:
-        if not (self._smooth() or self._is_stale(state)):
+    def retry(self, evaluation: Evaluation) -> bool:
+        if not (self._smooth() or self._is_stale(evaluation)):
             return False
-        self.build(state)
+        self.build(evaluation)
         return True
 
     def explain(self, ksp: PETSc.KSP) -> str:

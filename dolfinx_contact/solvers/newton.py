@@ -76,7 +76,7 @@ class LinearSolver(JacobianSolver):
         """
 
     def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
+        self, ksp: PETSc.KSP, step: Step, target: float, evaluation: Evaluation, *, warm: bool
     ) -> None:
         """Set tolerances and preconditioner for the step from an iterate. Collective.
 
@@ -84,11 +84,11 @@ class LinearSolver(JacobianSolver):
             ksp: linear solver of SNES.
             step: iterate.
             target: relative residual at which Newton's method ends.
-            state: evaluation at the iterate.
+            evaluation: evaluation at the iterate.
             warm: whether Newton's method began from a state in contact.
         """
 
-    def retry(self, state: Evaluation) -> bool:
+    def retry(self, evaluation: Evaluation) -> bool:
         """Return whether another preconditioner is available after a failed solve. Collective."""
         return False
 
@@ -244,7 +244,7 @@ class Newton:
             FloatingBodyError: if a rigid motion is free.
         """
         self._run = run = _Run(self.equations, attempt, start, held, most)
-        attempt.state = None
+        attempt.evaluation = None
         attempt.linear_solver_failed = False
         attempt.evaluations += start is not None
         ksp = self.snes.getKSP()
@@ -257,7 +257,7 @@ class Newton:
             reason = self.snes.getConvergedReason()
             # Only H with its own statuses is the state of the result.
             if reason > 0 and held is None:
-                attempt.state = run.known(x)
+                attempt.evaluation = run.known(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
             destroy(self.snes, self.b)  # PETSc objects remain locked after an error
@@ -312,16 +312,16 @@ class Newton:
         run = self._run
         guess, run.guess = run.guess, None
         if guess is not None:
-            state = self.equations.contact(x, guess)
+            evaluation = self.equations.contact(x, guess)
         else:
-            state = run.known(x) or self.equations.contact(x, run.held)
+            evaluation = run.known(x) or self.equations.contact(x, run.held)
         before = self.linear.matrix
-        self.linear.update(state)
+        self.linear.update(evaluation)
         matrix = self.linear.matrix
         if matrix is not before:  # the SNES takes its matrix after this call
             self.snes.setJacobian(self._jacobian, matrix)
         step = run.attempt.steps[-1]
-        self.linear.prepare(self.snes.getKSP(), step, self.tolerance, state, warm=run.warm)
+        self.linear.prepare(self.snes.getKSP(), step, self.tolerance, evaluation, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Correct the contact unknowns after the full step x - step; see `settle`."""
@@ -330,8 +330,8 @@ class Newton:
         after.waxpy(-1.0, step, x)
 
         def correct(x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
-            state = run.at(x)
-            return not self._is_solved(state) and self.linear.correct(state, b, d)
+            evaluation = run.at(x)
+            return not self._is_solved(evaluation) and self.linear.correct(evaluation, b, d)
 
         rounds = ROUNDS if run.warm else 1
         changed, evaluated = settle(self._residual, correct, after, b, d, rounds)
@@ -350,11 +350,11 @@ class Newton:
         rows = self.equations.contact_rows(after, self._run.held)
         return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
 
-    def _is_solved(self, state: Evaluation) -> bool:
+    def _is_solved(self, evaluation: Evaluation) -> bool:
         """Return whether a full step has led to a solution."""
         if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
             return False  # the linear system was not solved accurately enough
-        measures, _ = measure(self.equations, state, self.scales)
+        measures, _ = measure(self.equations, evaluation, self.scales)
         return measures.worst <= self.tolerance
 
     # -- convergence -----------------------------------------------------------------------------
@@ -362,17 +362,17 @@ class Newton:
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         """Record an iterate; return 0 to continue or the reason to stop."""
         run = self._run
-        state = run.at(snes.getSolution())
-        measures = self._measure(state)
-        statuses = state.statuses
+        evaluation = run.at(snes.getSolution())
+        measures = self._measure(evaluation)
+        statuses = evaluation.statuses
         self._record(it, measures, statuses)
         if not np.isfinite(measures.worst):
-            lost = without_normal(self.equations, state)
+            lost = without_normal(self.equations, evaluation)
             run.attempt.reason = lost or "the residual is not finite"
             return _STOPPED
         if measures.worst <= self.tolerance:
             # A solution that a rigid motion may carry away is not an answer.
-            return _STOPPED if self._floats(statuses, state) else _CONVERGED
+            return _STOPPED if self._floats(statuses, evaluation) else _CONVERGED
         if run.most is not None and it >= run.most:
             return _ENOUGH_STEPS
         if run.attempt.gives_up():
@@ -388,8 +388,8 @@ class Newton:
             return _STOPPED
         run.history.append((statuses, measures.worst))
         if it == 0:
-            statuses = self._first_statuses(statuses, state)
-        return _STOPPED if self._floats(statuses, state) else 0
+            statuses = self._first_statuses(statuses, evaluation)
+        return _STOPPED if self._floats(statuses, evaluation) else 0
 
     def _record(self, it: int, measures: Measures, statuses: Statuses) -> None:
         """Add an iterate to the attempt, log it, and call the monitor."""
@@ -406,24 +406,24 @@ class Newton:
         if self.monitor is not None:
             self.monitor(step)
 
-    def _measure(self, state: Evaluation) -> Measures:
+    def _measure(self, evaluation: Evaluation) -> Measures:
         """Return the measures of the residual of a state.
 
         The scales remember the forces and lengths of the start. If those of a state that appears
         converged are a million times smaller, its own scales are used from then on: relative to a
         distant start everything is small.
         """
-        measures, self.scales = measure(self.equations, state, self.scales)
+        measures, self.scales = measure(self.equations, evaluation, self.scales)
         if measures.worst <= self.tolerance:
             start = self.scales
-            judged, own = measure(self.equations, state, settled=True)
+            judged, own = measure(self.equations, evaluation, settled=True)
             if start.force > _FAR * own.force or start.length > _FAR * own.length:
                 self.scales = own
                 measures = judged
                 self._run.history = []
         return measures
 
-    def _first_statuses(self, statuses: Statuses, state: Evaluation) -> Statuses:
+    def _first_statuses(self, statuses: Statuses, evaluation: Evaluation) -> Statuses:
         """Return the statuses of the first step, guessed where a body touches nothing.
 
         For such a body the first step would lead into the obstacle, and the second would hold all
@@ -432,15 +432,15 @@ class Newton:
         only replaced if a body would float.
         """
         eq, run = self.equations, self._run
-        run.warm = not touches_nothing(eq, state)
+        run.warm = not touches_nothing(eq, evaluation)
         cold = self._full_steps and not run.warm and run.held is None
-        if cold or eq.scaling.not_held(statuses, state):
-            run.guess = statuses = touching(eq, state)
+        if cold or eq.scaling.not_held(statuses, evaluation):
+            run.guess = statuses = touching(eq, evaluation)
         return statuses
 
-    def _floats(self, statuses: Statuses, state: Evaluation) -> bool:
+    def _floats(self, statuses: Statuses, evaluation: Evaluation) -> bool:
         """Return whether a rigid motion is free, and store the error."""
-        loose = self.equations.scaling.not_held(statuses, state)
+        loose = self.equations.scaling.not_held(statuses, evaluation)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             neither = "neither Dirichlet data nor the contact of this iterate holds it"

@@ -284,7 +284,7 @@ class _Strategy:
                     break
                 run = Newton.run
         if self.automatic:
-            attempt.state = None  # evaluated with another r
+            attempt.evaluation = None  # evaluated with another r
         return done
 
 
@@ -396,5 +396,5 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
                 attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
                 break
     good.destroy()
-    attempt.state = None  # evaluated with ramped Dirichlet data
+    attempt.evaluation = None  # evaluated with ramped Dirichlet data
     return done == 1.0
