@@ -174,7 +174,7 @@ def criterion_at(
 
     Args:
         eq: contact problem.
-        evaluation: state of the problem.
+        evaluation: evaluation of the state.
         directions: function returning xi; by default the directions of the state are used.
         dense: whether dense matrices are used; by default for small eigenproblems.
         effort: number of iterations of the search for weights (`WeightedForm.largest`), which

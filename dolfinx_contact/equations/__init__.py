@@ -1,2 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem H(x) = 0: rows, derivatives, measures; data that vary are arguments."""
+"""The contact problem H(x) = 0. Data that vary are arguments of its methods.
+
+In the order in which a static solve needs them:
+
+- `unknowns`: layout of x, and motions of rigid bodies.
+- `contact`: H, as a sum of terms; it combines all that follows.
+- `constraints`: Dirichlet data, removed multipliers, growing loads.
+- `scaling`: typical stiffness, augmentation r, motions that only contact holds.
+- `evaluation`: values found by one evaluation of H, and the terms of the surfaces.
+- `validation`, with `data`: arguments of a problem, and data before a solve.
+- `touching`: start of a solve without contact.
+- `measures`: relative residuals, and states that are not physical.
+- `jacobian`: derivative of H; `sliding`: its terms for faces sliding over each other.
+
+Other uses: `parametric` with `rates` is H(x, gamma) for the continuation, and `state` is the frozen
+`State` of users.
+"""

@@ -5,7 +5,7 @@ H has rows of the displacement u, of the multipliers l and of the rigid bodies q
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
-    H_q = sum Phi^T B^T W t - F,        the rigid bodies with loads F (`unknowns`).
+    H_q = sum Phi^T B^T W t - L,        the rigid bodies with loads L (`unknowns`).
 
 `evaluation` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
 

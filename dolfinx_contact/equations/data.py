@@ -50,15 +50,15 @@ def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]
         eq: contact problem.
         conditions: whether to include the Dirichlet conditions.
     """
-    found = list(_placed("the form of the body", eq.bulk.functions, eq.bulk.constants))
+    data = list(_placed("the form of the body", eq.bulk.functions, eq.bulk.constants))
     for s in eq.surfaces:
-        found += data_of_surface(s)
+        data += data_of_surface(s)
     for body in eq.rigid.bodies:
         for component, e in zip(body.components, body.expressions, strict=True):
-            found += data_in(e, f"what is given for {component} of {body.name!r}")
+            data += data_in(e, f"what is given for {component} of {body.name!r}")
     for i, bc in enumerate(eq.bcs if conditions else [], 1):
-        found.append(Datum(f"the value of the Dirichlet condition {i}", dirichlet_value(bc)))
-    return [d for d in found if d.value is not eq.bulk.displacement]
+        data.append(Datum(f"the value of the Dirichlet condition {i}", dirichlet_value(bc)))
+    return [d for d in data if d.value is not eq.bulk.displacement]
 
 
 def data_of_surface(s: DiscreteSurface) -> list[Datum]:
@@ -66,15 +66,15 @@ def data_of_surface(s: DiscreteSurface) -> list[Datum]:
     obstacle = getattr(s.obstacle, "shape", s.obstacle)
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind = type(obstacle).__name__
-    found = []
+    data = []
     for name, e in (("gap", s.given.gap), ("normal", s.given.normal)):
         for d in _placed(f"the obstacle {kind} of {s.name!r}", *s.given.data[name], e):
             mine = [name for name in parts if getattr(obstacle, name) is d.value]
-            found.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
+            data.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
     for name, e in s.given.fields.items():
         place = f"the {name} of {s.law.name} of {s.name!r}"
-        found += _placed(place, *s.given.data[f":{name}"], e)
-    return found
+        data += _placed(place, *s.given.data[f":{name}"], e)
+    return data
 
 
 def data_within(expressions: Sequence[Any]) -> list[Datum]:

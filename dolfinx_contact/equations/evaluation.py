@@ -332,7 +332,7 @@ class SurfaceTerm:
         Rows of rigid bodies are not changed.
 
         Args:
-            evaluation: state.
+            evaluation: evaluation with the tractions and statuses.
             du: increment of the displacement at all local dofs.
             dq: increment of the unknowns of the rigid bodies.
             rows: rows that are changed.
@@ -402,9 +402,9 @@ class RigidTerm(SurfaceTerm):
         if s.displaced is not None:
             x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
             moved = self.motion(q)[: s.dim]
-        found = self.body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
+        resultant = self.body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
         rows = np.zeros(self.bodies.size)
-        rows[self.motion_slice] = found / self.bodies.units[self.motion_slice]
+        rows[self.motion_slice] = resultant / self.bodies.units[self.motion_slice]
         if s.axisymmetric:  # other components cancel around the axis
             rows[self.motion_slice][[0, 2]] = 0.0
         return rows

@@ -134,8 +134,8 @@ class ParametricEquations(System):
         ]
         ours = (*driven, self.constant)
         driving = [d.value for d in data_within(self._driven_expressions)]
-        found = [*(d.value for d in placed_data(self.equations)), *driving]
-        return [f for f in found if not any(f is other for other in ours)]
+        data = [*(d.value for d in placed_data(self.equations)), *driving]
+        return [f for f in data if not any(f is other for other in ours)]
 
     @property
     def _driven_expressions(self) -> list[Any]:

@@ -110,9 +110,9 @@ class SlidingTerms:
         self.destroy()
         n = self._size
         m = self._dim * self._points.number
-        found = self._faces.whole or self._faces.found
-        facet, master = found.pairs.T
-        places = self._places(facet, found.nodes[master])
+        candidates = self._faces.whole or self._faces.found
+        facet, master = candidates.pairs.T
+        places = self._places(facet, candidates.nodes[master])
         S_u = self._matrix(n, n, [(places[row], places[column]) for row, column in _OF_UNKNOWNS])
         S_m = self._matrix(n, m, [(places[row], places[column]) for row, column in _OF_VECTORS])
         D = self._matrix(m, n, [(self._vectors, self._slave)])

@@ -39,8 +39,8 @@ def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
 
     Args:
         eq: contact problem.
-        evaluation: evaluation; a traction counts as the penetration that would cause it by the
-            augmentation.
+        evaluation: evaluation of the start; a traction counts as the penetration that causes it by
+            the augmentation.
     """
     nothing = True
     for contact, reach in zip(evaluation.surfaces, _reaches(eq, evaluation), strict=True):
@@ -67,16 +67,16 @@ def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
     """
     gaps = [term.gaps(evaluation) for term in eq.terms]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, evaluation)]
-    found = _within(eq, gaps, reaches)
-    if not eq.scaling.not_held(found):
-        return found
+    statuses = _within(eq, gaps, reaches)
+    if not eq.scaling.not_held(statuses):
+        return statuses
     nearest = _nearest(eq, gaps, evaluation)
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
-        found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
-        if not eq.scaling.not_held(found):
+        statuses = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
+        if not eq.scaling.not_held(statuses):
             break
-    return found
+    return statuses
 
 
 def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation) -> list[float]:
@@ -116,12 +116,12 @@ def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
     """Return statuses in which points with gaps up to a limit stick, by surface."""
-    found = []
+    statuses = []
     for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
         codes = s.law_at_points.codes
         touches = STICK if STICK in codes else PLUS
-        found.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
-    return found
+        statuses.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
+    return statuses
 
 
 def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation) -> float:

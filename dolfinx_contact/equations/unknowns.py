@@ -119,7 +119,7 @@ class RigidBodies:
         fixed: mask of the prescribed unknowns, shape (size,).
         units: ratios of unknowns to displacements and rotations, shape (size,).
         numbers: loads and motions prescribed by the user, as read by `read_data`, shape (size,).
-        loads: loads F among them, in the units of their rows, 0 where the motion is prescribed.
+        loads: loads L among them, in the units of their rows, 0 where the motion is prescribed.
 
     Raises:
         ValueError: on every rank, if two bodies have one name.
@@ -181,13 +181,13 @@ class RigidBodies:
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
         """Return forces conjugate to the unknowns from forces and moments in their rows."""
-        found = pushes.copy()
+        forces = pushes.copy()
         for b, part in self.slices.items():
             if any(s.partner.turns and s.rigid_body is b for s in self.surfaces):
-                found[part][b.dim :] = (
+                forces[part][b.dim :] = (
                     b.kinematics.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
                 )
-        return found
+        return forces
 
     # -- data ------------------------------------------------------------------------------------
 

@@ -310,7 +310,7 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
 
     Args:
         eq: contact problem.
-        evaluation: evaluation.
+        evaluation: evaluation of the state.
         force: force scale.
         length: length scale.
     """
