@@ -11,7 +11,7 @@ is convex in the rates, with the minimum 0 at zero rates. The laws of state and 
     R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
 
 for the forces R on the body. chi denotes the normal data on which the dissipation may depend:
-pressure p, reaction, opening. Phi describes isotropic friction: it depends on the slip speed
+pressure p and opening. Phi describes isotropic friction: it depends on the slip speed
 |[u_t]'| >= 0, and its derivative at zero speed is the friction bound.
 
 A time step uses the implicit Euler method,

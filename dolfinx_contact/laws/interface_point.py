@@ -34,8 +34,6 @@ class InterfaceState:
         n: unit normal, from the body into the obstacle.
         internal: internal variables by name; also available as ``state[name]``.
         pressure: contact pressure p, 0 at open points; available to the dissipation only.
-        reaction: positive part of the sum of contact and adhesive pressure; available to the
-            dissipation only.
     """
 
     opening: Any
@@ -43,7 +41,6 @@ class InterfaceState:
     n: Any
     internal: Mapping[str, Any]
     pressure: Any = None
-    reaction: Any = None
 
     @property
     def jump(self) -> Any:
@@ -138,7 +135,7 @@ class InterfacePoint(FrictionLaw):
         self._moves = [name for name, v in values.items() if v is not start[name]]
         self._opening, self._moved, *mine = self._variables([opening, moved, *values.values()])
         self.values = dict(zip(values, mine, strict=True))
-        #: At open points pressure and reaction are zero.
+        #: The pressure is available to the dissipation only (`_potential`).
         self.state = InterfaceState(self._opening, self._moved, n, self.values)
         self.energy = ufl.as_ufl(law.energy(self.state))
         # Without time (negative step) all rates are set to nearly zero, because the square root in
@@ -207,12 +204,10 @@ class InterfacePoint(FrictionLaw):
 
         The internal variables are evaluated after the fraction ``share`` of the step.
         """
-        reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
-        reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
         inner = self.values
         if share < 1.0:
             inner = {k: (1.0 - share) * self.start[k] + share * v for k, v in inner.items()}
-        state = replace(self.state, internal=inner, pressure=pressure, reaction=reaction)
+        state = replace(self.state, internal=inner, pressure=pressure)
         known = {
             name: (v - self.start[name]) * self._pace if name in self._moves else v * 0.0
             for name, v in self.values.items()
