@@ -191,7 +191,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if all_ranks(self.comm, piece is before and gamma == at):
             return
         self._judged = piece, gamma
-        found = surface_indicators(self.equations, self.contact(x, gamma, piece))
+        found = surface_indicators(self.equations, self.evaluate_contact(x, gamma, piece))
         warnings = Indicators(found).warnings
         self.problem.log_warnings(warnings, self._warned, f"at gamma = {gamma:.6g} ")
 
@@ -220,7 +220,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """Return the reason why small sliding is not valid; "" if it is valid. Collective."""
         with self.restored(always=True):
             self._put(x, gamma, piece)
-            return small_sliding_violated(self.equations, self.contact(x, gamma, piece))
+            return small_sliding_violated(self.equations, self.evaluate_contact(x, gamma, piece))
 
     def result_at(self, point: BranchPoint | Solution) -> Result:
         """Return the result at a point; write the point to the Functions. Collective.

@@ -501,7 +501,7 @@ class ContactProblem(ReadOnly):
         """
         eq = self.equations
         eq.read_data()
-        evaluation = eq.contact(x, statuses)
+        evaluation = eq.evaluate_contact(x, statuses)
         multipliers = []
         for s, owned in zip(self.surfaces, eq.unknowns.fields(x)[1:], strict=True):
             f = fem.Function(s.points.Q)

@@ -55,7 +55,7 @@ def _coefficients(eq: ContactEquations) -> bool | None:
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.unknowns.create_vector()
-    evaluation = eq.contact(x)
+    evaluation = eq.evaluate_contact(x)
     x.destroy()
     mine = any(
         s.law.bound_kind == "proportional" and bool((known.answers.unit_bound > 0).any())

@@ -146,7 +146,7 @@ class ContactEquations:
 
     # -- evaluation ------------------------------------------------------------------------------
 
-    def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
+    def evaluate_contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """Evaluate the contact points at ``x``, without the rows of H.
 
         Args:
@@ -175,7 +175,7 @@ class ContactEquations:
             x: unknowns.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
-        evaluation = self.contact(x, statuses)
+        evaluation = self.evaluate_contact(x, statuses)
         u = evaluation.u
         # step from the unknowns to the prescribed values
         off = u - self.constraints.displacement()
@@ -203,7 +203,7 @@ class ContactEquations:
             x: unknowns satisfying the Dirichlet conditions.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
-        evaluation = self.contact(x, statuses)
+        evaluation = self.evaluate_contact(x, statuses)
         rows = self._law_rows([c.off for c in evaluation.surfaces], x)
         return np.concatenate(self._ramped(rows, slice(1, -1)))
 

@@ -270,9 +270,9 @@ class ParametricEquations(System):
     def create_vector(self) -> PETSc.Vec:
         return self.equations.unknowns.create_vector()
 
-    def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
+    def evaluate_contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
         """Evaluate the contact conditions, without the rows of H. Collective."""
-        return self._equations_at(gamma).contact(x, self.statuses_of(piece))
+        return self._equations_at(gamma).evaluate_contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
         return self.measure(x, gamma, b, piece, ())[0]
@@ -287,7 +287,7 @@ class ParametricEquations(System):
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         linear = self._jacobian_solver
         before = linear.matrix
-        linear.update(self.contact(x, gamma, piece))
+        linear.update(self.evaluate_contact(x, gamma, piece))
         # a branch keeps its matrix
         require(
             self.comm,
@@ -307,7 +307,7 @@ class ParametricEquations(System):
         linear = self._jacobian_solver
         if not linear.corrects:
             return False
-        return linear.correct(self.contact(x, gamma, piece), residual, correction)
+        return linear.correct(self.evaluate_contact(x, gamma, piece), residual, correction)
 
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
         return self._equations_at(gamma).contact_rows(x, self.statuses_of(piece))
@@ -315,7 +315,7 @@ class ParametricEquations(System):
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        evaluation = self.contact(x, gamma, piece)
+        evaluation = self.evaluate_contact(x, gamma, piece)
         body = np.zeros(self.equations.owned_sizes[0])
         if self._body_rate is not None:
             body = self.equations.bulk.assembled(self._body_rate, evaluation.u)
@@ -363,10 +363,10 @@ class ParametricEquations(System):
         return mass
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        return self.piece(self.contact(x, gamma, None).statuses)
+        return self.piece(self.evaluate_contact(x, gamma, None).statuses)
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        evaluation = self.contact(x, gamma, piece)
+        evaluation = self.evaluate_contact(x, gamma, piece)
         distance = []
         point = []
         target = []

@@ -146,7 +146,7 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     """
     if not eq.rigid.size:
         return
-    evaluation = eq.contact(x)
+    evaluation = eq.evaluate_contact(x)
     moved = evaluation.q.copy()
     for body, part in eq.rigid.slices.items():
         load = eq.rigid.loads[part][: body.dim]

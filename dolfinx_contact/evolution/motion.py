@@ -350,7 +350,7 @@ class MotionStepper(Stepper):
         law.equations.read_data()
         x = law.create_vector()
         law.write(x)
-        evaluation = law.equations.contact(x, law.written_statuses)
+        evaluation = law.equations.evaluate_contact(x, law.written_statuses)
         x.destroy()
         return evaluation
 

@@ -119,7 +119,7 @@ class Reduction:
         # stiffness at the points, in their frames
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
-        self._body = self._held_at_points(parametric.contact(x, gamma, piece).u)
+        self._body = self._held_at_points(parametric.evaluate_contact(x, gamma, piece).u)
         T = self.points.frames
         m = self._m
         d = self._dim
@@ -392,7 +392,7 @@ class Reduction:
 
     def contract(self, x: PETSc.Vec) -> Array:
         """Return the state w = (a, r / ``force_unit``) of all points, (m, 2 dim). Collective."""
-        evaluation = self._equations.contact(x)
+        evaluation = self._equations.evaluate_contact(x)
         jumps, forces = [], []
         for s, found in zip(self._equations.surfaces, evaluation.surfaces, strict=True):
             jumps.append(found.jump - s.points.data.gap[:, None] * s.points.data.n)

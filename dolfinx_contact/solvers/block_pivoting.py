@@ -39,14 +39,14 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     points = sum(s.points.number_everywhere for s in eq.surfaces)
     fewest = points + 1
     patience = _PATIENCE
-    held = eq.contact(x).statuses
+    held = eq.evaluate_contact(x).statuses
     for _ in range(20 + 4 * min(points, 100)):
         solved = solver.run(x, attempt, held=held)
         if attempt.gives_up():
             return False
         if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
             return False
-        required = eq.contact(x).statuses
+        required = eq.evaluate_contact(x).statuses
         objecting = differs(required, held)
         count = count_of(eq.comm, np.concatenate(objecting))
         if count < fewest:

@@ -42,7 +42,7 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     eq = solver.equations
     strengths = [
         c.data.fields[s.law.weakening.name].copy() if s.law.weakens and s.law.weakening else None
-        for s, c in zip(eq.surfaces, eq.contact(x).surfaces, strict=True)
+        for s, c in zip(eq.surfaces, eq.evaluate_contact(x).surfaces, strict=True)
     ]
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
@@ -55,7 +55,7 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
         if change <= near[0]:
             y = x.copy()
             with Newton(eq, solver.linear, "none", None) as whole:
-                solved = whole.run_holding(y, attempt, eq.contact(y).statuses)
+                solved = whole.run_holding(y, attempt, eq.evaluate_contact(y).statuses)
             if solved:
                 y.copy(x)
             y.destroy()
@@ -88,7 +88,9 @@ def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
     """Reduce strengths to those of the law at a state; return the largest change. Collective."""
     change = 0.0
-    for i, (s, contact) in enumerate(zip(eq.surfaces, eq.contact(x).surfaces, strict=True)):
+    for i, (s, contact) in enumerate(
+        zip(eq.surfaces, eq.evaluate_contact(x).surfaces, strict=True)
+    ):
         before = strengths[i]
         if before is None:
             continue

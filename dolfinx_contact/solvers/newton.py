@@ -312,9 +312,9 @@ class Newton:
         run = self._run
         guess, run.guess = run.guess, None
         if guess is not None:
-            evaluation = self.equations.contact(x, guess)
+            evaluation = self.equations.evaluate_contact(x, guess)
         else:
-            evaluation = run.known(x) or self.equations.contact(x, run.held)
+            evaluation = run.known(x) or self.equations.evaluate_contact(x, run.held)
         before = self.linear.matrix
         self.linear.update(evaluation)
         matrix = self.linear.matrix

@@ -206,7 +206,7 @@ def test_the_jacobian_of_bonds_passes_taylors_test(cell, method, viscosity):
     memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {"beta": rng.uniform(0.3, 1, n)}, 0.1)
     problem = problem.with_memory([memory])
     sizes = remainders(problem, x, 2)
-    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    codes = np.concatenate(COMM.allgather(problem.equations.evaluate_contact(x).statuses[0]))
     assert (codes >= DAMAGING).any()
     assert sizes[0] > 1e-9
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)

@@ -168,7 +168,7 @@ LAWS = [
 
 def spread_share(problem, x):
     """Largest entry of the Jacobian between two points, over the largest of the contact rows."""
-    state = problem.equations.contact(x)
+    state = problem.equations.evaluate_contact(x)
     (found,) = state.surfaces
     step = np.zeros_like(found.jump)
     step[:, -1] = 1.0

@@ -350,7 +350,7 @@ def test_jacobian_with_rigid_motions_agrees_with_differences(dim, method, degree
     eq = problem.equations  # what is prescribed is in order: H has that linearly
     q = np.where(eq.rigid.fixed, eq.constraints.motions(), eq.unknowns.motions(x))
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(q)
-    state = eq.contact(x)
+    state = eq.evaluate_contact(x)
     b = [system.create_vector() for _ in range(3)]
     y = x.copy()
     for vector, step in zip(b, (1e-6, -1e-6), strict=False):
