@@ -126,6 +126,12 @@ class _Dofs:
         return self.operator.areas[stencils.points][..., None] * stencils.multiplier_weights
 
 
+def _flat(*blocks: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+    """Return rows and columns of blocks of entries, whose places are broadcast to one shape."""
+    rows, columns = zip(*(np.broadcast_arrays(*block) for block in blocks), strict=True)
+    return np.concatenate(list(map(np.ravel, rows))), np.concatenate(list(map(np.ravel, columns)))
+
+
 class _PointTerms:
     """Entries of one surface in which every point is alone."""
 
@@ -138,19 +144,11 @@ class _PointTerms:
 
     def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
-        u = self._dofs.bodies
-        m = self._dofs.multipliers
-        g, k, d = u.shape
-        n = m.shape[1]
-        full = (g, n, d, k, d)
-        places = [
-            (np.broadcast_to(u[:, :, None], (g, k, n, d)), m[:, None]),
-            (np.broadcast_to(m[:, :, :, None, None], full), u[:, None, None]),
-            (np.broadcast_to(m[:, :, :, None, None], (g, n, d, n, d)), m[:, None, None]),
-        ]
-        rows = [i.reshape(-1) for i, _ in places]
-        columns = [np.broadcast_to(j, i.shape).reshape(-1) for i, j in places]
-        return np.concatenate(rows), np.concatenate(columns)
+        u, m = self._dofs.bodies, self._dofs.multipliers
+        force = u[:, :, None], m[:, None]
+        jump = m[..., None, None], u[:, None, None]
+        traction = m[..., None, None], m[:, None, None]
+        return _flat(force, jump, traction)
 
     def values(self, contact: SurfaceEvaluation) -> Array:
         """Return the entries of S at an evaluation."""
@@ -192,11 +190,8 @@ class _RigidTerms:
 
     def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
-        multipliers = self._dofs.multipliers
-        m = np.broadcast_to(multipliers[..., None], (*multipliers.shape, len(self._motions)))
-        q = np.broadcast_to(self._motions, m.shape)
-        rows, columns = (np.stack(pair).reshape(-1) for pair in ((q, m), (m, q)))
-        return rows, columns
+        m, q = self._dofs.multipliers[..., None], self._motions
+        return _flat((q, m), (m, q))
 
     def values(self, contact: SurfaceEvaluation) -> Array:
         """Return the entries at an evaluation. Collective."""
@@ -228,18 +223,10 @@ class _SpreadTerms:
         stencils = dofs.operator.stencils
         n = len(dofs.operator.areas)
         point = (comm.exscan(n) or 0) + stencils.points[:, :, None, None]
-
-        def pairs(places: Ints) -> tuple[Ints, Ints]:
-            shape = *stencils.points.shape, *places.shape[1:]
-            at = np.broadcast_to(point, shape)
-            of = np.broadcast_to(places[:, None], shape)
-            return at.reshape(-1), of.reshape(-1)
-
-        at, of = pairs(dofs.multipliers)
-        self._left_entries = Entries(of, at)
+        u, m = dofs.bodies[:, None], dofs.multipliers[:, None]
+        self._left_entries = Entries(*_flat((m, point)))
         self._left = matrix_of(comm, (unknowns, n), self._left_entries)
-        both = zip(pairs(dofs.bodies), (at, of), strict=True)
-        self._right_entries = Entries(*(np.concatenate(pair) for pair in both))
+        self._right_entries = Entries(*_flat((point, u), (point, m)))
         self._right = matrix_of(comm, (n, unknowns), self._right_entries)
         self._first = self._left.matMult(self._N)
         self._product = self._first.matMult(self._right)

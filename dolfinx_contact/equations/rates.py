@@ -24,6 +24,7 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._ufl import derivative, not_affine
+from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.evaluation import SurfaceEvaluation
 from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.points.evaluators import Given
@@ -198,7 +199,7 @@ class RigidRates:
         return np.where(fixed, 0.0, values / units), np.where(fixed, values * units, 0.0)
 
 
-def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
+def dirichlet_rates(constraints: Constraints, driven: Sequence[Driven]) -> Array:
     """Return derivatives of Dirichlet values with respect to gamma. Collective.
 
     They are given at all local displacement dofs, and are zero where gamma drives nothing.
@@ -214,4 +215,4 @@ def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
     after = constraints.values(fill=0.0)
     for d, value in zip(driven, values, strict=True):
         d.function.x.array[:] = value
-    return np.asarray(after - before).reshape(-1)
+    return (after - before).reshape(-1)
