@@ -105,13 +105,18 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
 
 
 def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
-    """Return gaps up to which points are expected to close, by surface. Collective."""
-    load = eq.constraints.load
-    return [
-        load
-        * (eq.constraints.reach(term.surface, evaluation.u) + _rigid_reach(eq, term, evaluation))
-        for term in eq.terms
-    ]
+    """Return gaps up to which points are expected to close, by surface. Collective.
+
+    A prescribed motion of a rigid body adds half the distance by which it approaches the points.
+    """
+    reaches = []
+    step = np.where(eq.rigid.fixed, eq.constraints.motions() - evaluation.q, 0.0)
+    for term in eq.terms:
+        reach = eq.constraints.reach(term.surface, evaluation.u)
+        if isinstance(term, RigidTerm):
+            reach += 0.5 * maximum(eq.comm, _closing(eq, term, evaluation, step))
+        reaches.append(eq.constraints.load * reach)
+    return reaches
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
@@ -122,14 +127,6 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
         touches = STICK if STICK in codes else PLUS
         statuses.append(np.where(gap <= limit, touches, codes[0]).astype(np.int8))
     return statuses
-
-
-def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation) -> float:
-    """Return half the distance by which prescribed motions move a rigid body towards points."""
-    if not isinstance(term, RigidTerm):
-        return 0.0
-    step = np.where(eq.rigid.fixed, eq.constraints.motions() - evaluation.q, 0.0)
-    return 0.5 * maximum(eq.comm, _closing(eq, term, evaluation, step))
 
 
 def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq: Array) -> Array:
