@@ -45,7 +45,7 @@ from dolfinx_contact._validate import (
 )
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.unintended import unintended
+from dolfinx_contact.body.checks import unintended
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution

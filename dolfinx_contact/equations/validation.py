@@ -19,12 +19,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-import ufl
 from dolfinx import fem
-from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._geometry import rounded
 from dolfinx_contact._mpi import (
     all_ranks,
@@ -35,11 +32,9 @@ from dolfinx_contact._mpi import (
     require,
     same_everywhere,
 )
-from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
-from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around
-from dolfinx_contact.body.unintended import contradiction
+from dolfinx_contact.body.checks import check_body, contradiction
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -96,10 +91,7 @@ def check(
         raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
     if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
         raise ValueError("bcs must be a list of Dirichlet conditions")
-    if not isinstance(bulk, ufl.Form):
-        density = isinstance(bulk, ufl.core.expr.Expr)
-        hint = ": multiply the energy density by ufl.dx" if density else ""
-        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
+    check_body(bulk, u, bcs)
     names = [s.name for s in surfaces]
     plane = [s.name for s in surfaces if not s.axisymmetric]
     turned = [isinstance(m, Axisymmetric) for m in materials_in(bulk)]
@@ -127,30 +119,7 @@ def check(
     ):
         if wrong:
             raise ValueError(objection)
-    refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
-    _check_integrals(bulk)
-    for number, bc in enumerate(bcs, 1):
-        refuse_other_condition(bc, u.function_space.mesh)
-        value = dirichlet_value(bc)
-        if np.iscomplexobj(value.x.array if hasattr(value, "x") else value.value):
-            raise ValueError(f"Dirichlet condition {number} is complex: give a real value")
     return surfaces, bcs
-
-
-def _check_integrals(bulk: ufl.Form) -> None:
-    """Raise ``ValueError`` for quadrature degrees and integrands that FFCx does not compile."""
-    for integral in bulk.integrals():
-        degree = integral.metadata().get("quadrature_degree", -1)
-        if degree != -1:  # estimated
-            count(degree, "a quadrature degree", 0)
-        if integral.integral_type() != "interior_facet":
-            continue
-        nodes = unique_pre_traversal(integral.integrand())
-        if not any(isinstance(node, ufl.classes.Restricted) for node in nodes):
-            raise ValueError(
-                "ufl.dS is over the facets between cells, where an integrand needs a side, as in "
-                "ufl.jump(u) or u('+'); ufl.dx is over cells, and ufl.ds over the boundary"
-            )
 
 
 # -- data before a solve ---------------------------------------------------------------------------

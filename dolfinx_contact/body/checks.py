@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Warnings about forms and Dirichlet conditions of a body that are probably not intended."""
+"""Form and Dirichlet conditions of a body: errors, and warnings about data not intended."""
 
 from __future__ import annotations
 
@@ -13,17 +13,57 @@ from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Indices
+from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._geometry import node_positions, rounded
 from dolfinx_contact._mpi import count_of, maximum, sorted_rows
+from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact._validate import count
 from dolfinx_contact.materials import materials_in, present_value
 
-__all__ = ["contradiction", "unintended"]
+__all__ = ["check_body", "contradiction", "unintended"]
 
 _MEASURES = {"cell": "dx", "exterior_facet": "ds", "interior_facet": "dS"}
 _SAME = 1e-9  # difference, relative to the largest value, that counts as zero
 _LOCKS = 0.48  # Poisson's ratio from which elements of degree 1 are about a tenth too stiff
 
 _Warning: TypeAlias = tuple[str, str]  # name and text
+
+
+def check_body(bulk: Any, u: fem.Function, bcs: Sequence[fem.DirichletBC]) -> None:
+    """Raise ``ValueError`` for a form or Dirichlet conditions that do not fit. Not collective.
+
+    Args:
+        bulk: energy or residual of the body.
+        u: displacement.
+        bcs: Dirichlet conditions.
+    """
+    if not isinstance(bulk, ufl.Form):
+        density = isinstance(bulk, ufl.core.expr.Expr)
+        hint = ": multiply the energy density by ufl.dx" if density else ""
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
+    refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
+    _check_integrals(bulk)
+    for number, bc in enumerate(bcs, 1):
+        refuse_other_condition(bc, u.function_space.mesh)
+        value = dirichlet_value(bc)
+        if np.iscomplexobj(value.x.array if hasattr(value, "x") else value.value):
+            raise ValueError(f"Dirichlet condition {number} is complex: give a real value")
+
+
+def _check_integrals(bulk: ufl.Form) -> None:
+    """Raise ``ValueError`` for quadrature degrees and integrands that FFCx does not compile."""
+    for integral in bulk.integrals():
+        degree = integral.metadata().get("quadrature_degree", -1)
+        if degree != -1:  # estimated
+            count(degree, "a quadrature degree", 0)
+        if integral.integral_type() != "interior_facet":
+            continue
+        nodes = unique_pre_traversal(integral.integrand())
+        if not any(isinstance(node, ufl.classes.Restricted) for node in nodes):
+            raise ValueError(
+                "ufl.dS is over the facets between cells, where an integrand needs a side, as in "
+                "ufl.jump(u) or u('+'); ufl.dx is over cells, and ufl.ds over the boundary"
+            )
 
 
 def unintended(
@@ -85,12 +125,12 @@ def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
                 reason = f"all facets with this tag are {where}"
             name = f"{_MEASURES.get(kind, 'the measure')}({number})"
             yield f"integral over {name}", f"an integral over {name} is 0: {reason}"
-    count = count_of(domain.comm, ~covered)
-    if count:
+    bare = count_of(domain.comm, ~covered)
+    if bare:
         own = {tag for cell, tag in tags.items() if cell < len(covered) and not covered[cell]}
         every = sorted(set().union(*domain.comm.allgather(own)))
         names = f"; their tags: {', '.join(map(str, every))}" if every else ""
-        yield "cells", f"{count} cells have no integral over dx, and no stiffness{names}"
+        yield "cells", f"{bare} cells have no integral over dx, and no stiffness{names}"
 
 
 def _held(
