@@ -136,16 +136,16 @@ class RCCM(Law):
         return (Internal("beta", "falls"), *steps, *bonds)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        return self._friction(_Springs(self, a).now).bound(a, p)
+        return self._friction(self._now(a)).bound(a, p)
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        springs = _Springs(self, a)
-        return springs.point(springs.now)
+        return self._soft(a, self._now(a), self._opening(a))
 
     def bond(self, a: ContactPoint) -> Bond:
-        springs = _Springs(self, a)
-        energy = springs.energy
-        beta = springs.now
+        opening = self._opening(a)
+        moved = self._moved(a)
+        energy = self._energy(opening, moved)
+        beta = self._now(a)
         lost = self.beta - beta
         moves = ufl.gt(a.step, 0.0)
         time = ufl.conditional(moves, a.step, 1.0)
@@ -163,28 +163,35 @@ class RCCM(Law):
         spent = self.work * lost + resisted
         if self.recovers:
             # Viscosity dissipates the energy of recovery, except the energy of the springs.
-            grown = 0.5 * energy * (self.beta + beta) * lost
-            spent = ufl.conditional(ufl.lt(lost, 0.0), grown, spent)
-            touch = springs.point(beta).touch
+            springs = 0.5 * energy * (self.beta + beta) * lost
+            spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
+            touch = self._soft(a, beta, opening).touch
             after[".closed"] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
             for i, name in enumerate(_ORIGIN.components(a.dim)):
                 jump = a.jump[i] + a.before[i] - ufl.dot(a.before, a.n) * a.n[i]
-                after[name] = ufl.conditional(springs.is_new, jump, springs.origin[i])
-            given_up = springs.before
-            stored = 0.5 * self.beta**2 * self.tangential * ufl.dot(given_up, given_up)
-            spent += ufl.conditional(springs.is_new, stored, 0.0)
+                after[name] = ufl.conditional(self._is_new, jump, self._origin(a)[i])
+            given_up = _along(a.before - self._origin(a), a.n)
+            spent += ufl.conditional(
+                self._is_new,
+                0.5 * self.beta**2 * self.tangential * ufl.dot(given_up, given_up),
+                0.0,
+            )
+        traction = self._traction(beta, opening, moved, a.n)
         broken = ufl.conditional(ufl.lt(beta, self.broken), 1.0, 0.0)
-        return Bond(after, springs.traction(beta), 0.5 * beta**2 * energy, spent, broken)
+        return Bond(after, traction, 0.5 * beta**2 * energy, spent, broken)
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         found = {}
+        step = self._step(a)
+        moved = self._moved(a)
         scale = ufl.sqrt(self.work * (self.normal + self.tangential))
         for is_open in (True, False):
-            springs = _Springs(self, a, is_open)
-            step = springs.step
-            slack = scale * step.slack(springs.energy)
-            for damage, beta in ((0, step.cap), (DAMAGING, step.intensity(springs.energy))):
-                for code, piece in self._contact(springs, beta).items():
+            opening = -a.u_n if is_open or self.compliant else 0.0
+            energy = self._energy(opening, moved)
+            slack = scale * step.slack(energy)
+            for damage, beta in ((0, step.cap), (DAMAGING, step.intensity(energy))):
+                adhesion = self._traction(beta, opening, moved, a.n)
+                for code, piece in self._contact(self._soft(a, beta, opening), beta).items():
                     if (code == OPEN) != is_open:
                         continue
                     borders = [Border(d, k + damage, where) for d, k, where in piece.borders]
@@ -192,20 +199,19 @@ class RCCM(Law):
                         borders += self._held(code, -slack, step.cap)
                     else:
                         borders.append(Border(slack, code + DAMAGING))
-                    answer = piece.answer + springs.traction(beta)
+                    answer = piece.answer + adhesion
                     found[code + damage] = StatusPiece(answer, borders, piece.exists)
         return dict(sorted(found.items()))
 
-    def _contact(self, springs: _Springs, beta: Any) -> Mapping[int, StatusPiece]:
+    def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
         """Return the pieces of contact and friction for the shear not carried by the bond.
 
         The stretching of the springs by the increment acts like additional augmentation and is
         omitted.
         """
-        along = springs.before
+        along = _along(a.before - self._origin(a), a.n)
         if self.recovers:
-            along = ufl.conditional(springs.is_new, 0.0, 1.0) * along
-        a = springs.point(beta)
+            along = ufl.conditional(self._is_new, 0.0, 1.0) * along
         shear = a.s + beta**2 * self.tangential * along
         return self._friction(beta).pieces(replace(a, shear=shear))
 
@@ -220,67 +226,51 @@ class RCCM(Law):
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))
         return [Border(distance, code, grips), Border(distance, PLUS, ufl.Not(grips))]
 
+    def _energy(self, opening: Any, moved: Any) -> Any:
+        """Return twice the energy per area of the springs of an intact bond."""
+        return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
-class _Springs:
-    """Springs of a bond at a contact point.
+    def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
+        return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
-    Args:
-        law: law with its fields at the point.
-        a: contact point.
-        is_open: whether the point is open; default: None (to be determined).
+    def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
+        """Return the contact point with the pressure of the compliant surface, without bonds."""
+        if self.contact is None:
+            return a
+        pull = beta**2 * self.normal * opening
+        return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
-    Attributes:
-        origin: tangential jump at which the springs are relaxed, a vector.
-        before: tangential stretch of the springs at the last accepted state, a vector.
-        is_new: whether a recovering bond was broken, so that its reference is the current jump.
-        opening: extension of the normal springs, negative under compression.
-        moved: tangential jump that stretches the springs, a vector.
-        energy: twice the energy per area of the springs of an intact bond.
-        step: time step of the intensity, using the data in memory.
-    """
-
-    def __init__(self, law: RCCM, a: ContactPoint, is_open: bool | None = None):
-        self._law = law
-        self._a = a
-        known = {name: a.kept[f".{name}"] for name in _STEP} if law.order == 2 else None
-        self.origin = 0.0 * a.n
-        self.is_new = ufl.lt(law.beta, law.broken)
+    def _step(self, a: ContactPoint) -> DamageStep:
+        """Return the time step of the intensity, using the data in memory."""
+        before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
-        if law.recovers:
-            self.origin = ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
+        if self.recovers:
             grows = ufl.And(ufl.gt(a.kept[".closed"], 0.5), ufl.gt(a.step, 0.0))
-        self.step = DamageStep(law.beta, law.work, law.viscosity, a.step, known, grows)
-        self.opening = -a.u_n
-        if not (law.compliant or is_open):
-            unknown = is_open is None
-            self.opening = ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0) if unknown else 0.0
-        self.before = _along(a.before - self.origin, a.n)
-        self.moved = a.u_t + self.before
-        if law.recovers:
-            self.moved = ufl.conditional(self.is_new, 0.0, 1.0) * self.moved
-        stretch = ufl.dot(self.moved, self.moved)
-        self.energy = law.normal * self.opening**2 + law.tangential * stretch
+        return DamageStep(self.beta, self.work, self.viscosity, a.step, before, grows)
+
+    def _now(self, a: ContactPoint) -> Any:
+        """Return the intensity at the current state."""
+        return self._step(a).now(self._energy(self._opening(a), self._moved(a)))
 
     @property
-    def now(self) -> Any:
-        """Intensity at the current state."""
-        return self.step.now(self.energy)
+    def _is_new(self) -> Any:
+        """Whether a recovering bond was broken, so that its reference is the current jump."""
+        return ufl.lt(self.beta, self.broken)
 
-    def traction(self, beta: Any) -> Any:
-        """Return the traction of the springs on the body, for the intensity ``beta``."""
-        law = self._law
-        along = law.tangential * self.moved
-        return beta**2 * (law.normal * self.opening * self._a.n - along)
+    def _origin(self, a: ContactPoint) -> Any:
+        """Return the tangential jump at which the springs are relaxed."""
+        if not self.recovers:
+            return 0.0 * a.n
+        return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
 
-    def point(self, beta: Any) -> ContactPoint:
-        """Return the contact point with the pressure of a compliant surface, without bonds."""
-        law = self._law
-        if law.contact is None:
-            return self._a
-        pull = beta**2 * law.normal * self.opening
-        return law.contact.with_pressure(
-            replace(self._a, traction=self._a.traction - pull * self._a.n)
-        )
+    def _opening(self, a: ContactPoint) -> Any:
+        """Return the extension of the normal springs, negative under compression."""
+        return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
+
+    def _moved(self, a: ContactPoint) -> Any:
+        """Return the tangential jump that stretches the springs."""
+        moved = a.u_t + _along(a.before - self._origin(a), a.n)
+        return ufl.conditional(self._is_new, 0.0, 1.0) * moved if self.recovers else moved
 
 
 def _along(v: Any, n: Any) -> Any:
