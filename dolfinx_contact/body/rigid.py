@@ -44,8 +44,8 @@ def parts(V: fem.FunctionSpace) -> Indices:
     owned = index_map.size_local
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
-    owners = np.repeat(size + np.arange(len(cells)), cells.shape[1])
-    mine = connected_parts(size + len(cells), cells.reshape(-1), owners)[:size]
+    numbers = np.repeat(size + np.arange(len(cells)), cells.shape[1])
+    mine = connected_parts(size + len(cells), cells.reshape(-1), numbers)[:size]
     if comm.size == 1:
         return mine.astype(np.int32)
     count = int(mine.max(initial=-1)) + 1

@@ -18,7 +18,7 @@ Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
@@ -395,8 +395,7 @@ class Law:
     @property
     def _laws(self) -> dict[str, Law]:
         """Fields that are laws, by name."""
-        known = fields(self) if is_dataclass(self) else ()
-        values = {f.name: getattr(self, f.name) for f in known}
+        values = {f.name: getattr(self, f.name) for f in _fields_of(self)}
         return {name: v for name, v in values.items() if isinstance(v, Law)}
 
     @property
@@ -406,7 +405,7 @@ class Law:
         Fields without a value whose default is None are omitted.
         """
         found = {}
-        for f in fields(self) if is_dataclass(self) else ():
+        for f in _fields_of(self):
             value = getattr(self, f.name)
             omitted = value is None and f.default is None
             if not (f.name in self.options or omitted or isinstance(value, Law)):
@@ -442,6 +441,11 @@ class Law:
             coefficients[k] = fem.Constant(domain, float(v)) if is_number(v) else v
             refuse_other_mesh(coefficients[k], domain, f"{k} of {self.name}")
         return self.having(coefficients)
+
+
+def _fields_of(law: Any) -> tuple[Field[Any], ...]:
+    """Return the dataclass fields of a law."""
+    return fields(law) if is_dataclass(law) else ()
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:

@@ -179,10 +179,10 @@ def distributed(comm: MPI.Comm, whole: WholeMesh | None, element: Any) -> GmshMe
     """
     empty = None
     if whole is not None:
-        none = {f.name: getattr(whole, f.name) for f in fields(whole)}
-        empty = WholeMesh(**{k: v if isinstance(v, dict) else v[:0] for k, v in none.items()})
-    empty = comm.bcast(empty)
-    whole = empty if whole is None else whole
+        parts: dict[str, Any] = {f.name: getattr(whole, f.name) for f in fields(whole)}
+        empty = WholeMesh(**{k: v if isinstance(v, dict) else v[:0] for k, v in parts.items()})
+    received: WholeMesh = comm.bcast(empty)
+    whole = received if whole is None else whole
     domain = create_mesh(comm, whole.cells, whole.x, element)
     keep(domain)
     tdim = domain.topology.dim
@@ -199,7 +199,7 @@ def _check(a: Arguments) -> None:
         raise ValueError("a list of meshes is needed, got an empty one")
     given: dict[str, list[Any]] = {}
     for what in ("cell_tags", "facet_tags", "prefixes"):
-        default = [""] if what == "prefixes" else [None]
+        default: list[Any] = [""] if what == "prefixes" else [None]
         values = getattr(a, what)
         given[what] = default * len(bodies) if values is None else listed(values, what)
         if len(given[what]) != len(bodies):
