@@ -8,7 +8,7 @@ ranks.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -179,8 +179,9 @@ def distributed(comm: MPI.Comm, whole: WholeMesh | None, element: Any) -> GmshMe
     """
     empty = None
     if whole is not None:
-        parts: dict[str, Any] = {f.name: getattr(whole, f.name) for f in fields(whole)}
-        empty = WholeMesh(**{k: v if isinstance(v, dict) else v[:0] for k, v in parts.items()})
+        values = {f.name: getattr(whole, f.name) for f in fields(whole)}
+        none: dict[str, Any] = {k: v[:0] for k, v in values.items() if isinstance(v, np.ndarray)}
+        empty = replace(whole, **none)
     received: WholeMesh = comm.bcast(empty)
     whole = received if whole is None else whole
     domain = create_mesh(comm, whole.cells, whole.x, element)
