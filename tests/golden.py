@@ -20,6 +20,7 @@ ranks, and its commit message names the cases and the reason::
 
 import argparse
 import json
+import re
 import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -113,8 +114,8 @@ TOLERANCES = {"evaluated": 1e-12, "solved": 1e-10}
 #: ... or to this part of the largest number of a case, if that is more.
 _LEAST = 1e-4
 TIGHT = {"snes_rtol": 1e-12}
-#: Column of tables of steps that is newer than the record.
-INSERTED = "inserted"
+#: Columns of tables of steps that are newer than the record.
+NEWER = re.compile(r"inserted|support_\d+_.*|.*_(u|r)[xyz]")
 #: Columns of tables that count work.
 COUNTS = ("newton_iterations", "corrections")
 _WAVES = ((2.1, 3.7, 1.3), (5.9, 1.7, 4.1), (11.3, 7.9, 2.3), (3.1, 13.7, 8.3))
@@ -364,11 +365,13 @@ def steps(history):
     work = {}
     for row in history.rows()[1:]:
         for key, value in row.items():
+            if NEWER.fullmatch(key):
+                continue
             if isinstance(value, float):
                 numbers.setdefault(key, []).append(value)
             elif key in COUNTS:
                 work.setdefault(key, []).append(value)
-            elif key != INSERTED:
+            else:
                 words.setdefault(key, []).append(value)
     words["ending"] = [history.ending.name, history.complete]
     return {"solved": numbers, "exact": words, "counts": work}
@@ -376,14 +379,10 @@ def steps(history):
 
 def with_journal(found, rows):
     """A case with the rows of its journal."""
+    rows = [{k: v for k, v in r.items() if not NEWER.fullmatch(k)} for r in rows]
     found["solved"]["journal"] = [[v for v in r.values() if isinstance(v, float)] for r in rows]
     found["exact"]["journal"] = [
-        {
-            k: v
-            for k, v in r.items()
-            if not isinstance(v, float) and k not in COUNTS and k != INSERTED
-        }
-        for r in rows
+        {k: v for k, v in r.items() if not isinstance(v, float) and k not in COUNTS} for r in rows
     ]
     return found
 

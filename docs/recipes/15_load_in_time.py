@@ -3,8 +3,10 @@
 #
 # A time-dependent load is a function of the time that sets Constants and Functions. `QuasiStatic`
 # calls it at the given times; in each step friction opposes the slip since the previous step.
-# `io.EvolutionSeries` writes fields and the table `steps.csv` of the start and the steps during the
-# run. Here the loading is cyclic: the block is pressed and then moved to and fro.
+# `io.EvolutionSeries` writes fields and the table `steps.csv` of the start and the steps during
+# the run. Here the loading is cyclic: the block is pressed and then moved to and fro. `rows` has
+# the loop of force over displacement: `support_0_x` is the reaction of the first Dirichlet
+# condition, and `support_0_ux` its displacement.
 
 import numpy as np
 from common import Block
@@ -25,5 +27,5 @@ problem.solve()
 with io.EvolutionSeries("output/to_and_fro", problem) as series:
     history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 13), observer=series)
 for row in history.rows():
-    print(row["time"], row["contact_x"], row["dissipated"])
+    print(row["support_0_ux"], row["support_0_x"], row["dissipated"])
 assert history.energies.dissipated > 0

@@ -3,24 +3,29 @@
 
 A step leads from the state at its ``start`` to ``state`` at its ``time``. The table has a row for
 the start of the run and one for each step. All rows have the same keys: number and times, counts of
-statuses, contact forces, energies, variables of the laws, and the work of the solver.
+statuses, contact forces, reactions and displacements of supports, motions of rigid bodies,
+energies, variables of the laws, and the work of the solver.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from dolfinx_contact._arrays import as_text
+from dolfinx_contact._arrays import Array, as_text
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.laws import status
+from dolfinx_contact.results.balance import at_conditions, support_at_nodes
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import ContactTable
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
     "EvolutionStep",
@@ -76,10 +81,13 @@ class EvolutionStep:
 
     def row(self) -> dict[str, Any]:
         """Return the scalars of the step as a row of the table of steps."""
+        result = self.result
+        motions = [(b.name, b.components, b.motion) for b in result.rigid_bodies.values()]
+        supports = _of_supports(result.supports, result.support_displacements, motions)
         return {
-            **_at_state(self.number, self.start, self.time, self.result.tables, self.energies),
-            "newton_iterations": self.result.iterations,
-            "strategy": self.result.reason,
+            **_at_state(self.number, self.start, self.time, result.tables, supports, self.energies),
+            "newton_iterations": result.iterations,
+            "strategy": result.reason,
             "rejected": self.rejected,
             "jump": self.jump,
             "directions": self.directions,
@@ -92,6 +100,7 @@ def _at_state(
     start: float,
     time: float,
     tables: Mapping[str, ContactTable],
+    supports: Mapping[str, float],
     energies: Energies,
 ) -> dict[str, Any]:
     """Return the columns of a row describing the state at its time."""
@@ -113,9 +122,31 @@ def _at_state(
         "length": time - start,
         **{k: counts[k] for k in ("open", "stick", "slip", "clamped")},
         **forces,
+        **supports,
         **energies.row(),
         **variables,
     }
+
+
+def _of_supports(
+    reactions: Array, displacements: Array, motions: Iterable[tuple[str, Sequence[str], Array]]
+) -> dict[str, float]:
+    """Return the columns of a row describing supports and rigid bodies.
+
+    Args:
+        reactions: reaction of each Dirichlet condition, shape (conditions, dim).
+        displacements: mean displacement of each condition, NaN in free components.
+        motions: names, components and motions of the rigid bodies.
+    """
+    columns = {}
+    for sign, values in (("", reactions), ("u", displacements)):
+        for k, i in np.argwhere(~np.isnan(displacements)):
+            columns[f"support_{k}_{sign}{'xyz'[i]}"] = float(values[k, i])
+    for name, components, motion in motions:
+        for component, value in zip(components, motion, strict=True):
+            sign = "u" if component in "xyz" else ""  # the rotations are rx, ry, rz
+            columns[f"{name}_{sign}{component}"] = float(value)
+    return columns
 
 
 #: Columns of the work of the solver in the row of the start.
@@ -186,14 +217,22 @@ class History(Ends):
                 return step
         raise KeyError(f"no step ends at {time!r}")
 
-    def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
-        """Set the row of the start.
+    def begin(self, number: int, problem: ContactProblem) -> None:
+        """Set the row of the start. Collective.
 
         Args:
             number: number of the last step of earlier runs; 0 if there are none.
-            tables: contact points at the start, by the name of the surface.
+            problem: contact problem in the state of the start.
         """
-        self.first = _at_state(number, self.start, self.start, tables, self.before) | _NO_STEP
+        tables = {s.name: problem.table(s) for s in problem.surfaces}
+        with problem.at(None) as shown:
+            evaluation = shown.evaluate()
+            eq = shown.equations
+        reactions = support_at_nodes(eq, evaluation)
+        motions = [(b.name, b.components, b.values) for b in problem.rigid_bodies]
+        supports = _of_supports(*at_conditions(eq, reactions, evaluation.u), motions)
+        row = _at_state(number, self.start, self.start, tables, supports, self.before)
+        self.first = row | _NO_STEP
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table of steps for `io.write_rows`: one row for the start and one per step."""
@@ -260,8 +299,8 @@ class PathHistory(History):
         """Return the number of points, the loads and the ending as text."""
         return self._text("point", "gamma", [self.gamma, *(p.gamma for p in self.steps)])
 
-    def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
-        super().begin(number, tables)
+    def begin(self, number: int, problem: ContactProblem) -> None:
+        super().begin(number, problem)
         self.first |= {"gamma": self.gamma, "event": "", "before": "", "after": ""}
 
     @property

@@ -224,8 +224,7 @@ class Run(Generic[T, H]):
             self._put()
             rule.begin()
             problem = self._stepper.problem
-            tables = {s.name: problem.table(s) for s in problem.surfaces}
-            history.begin(rule.start.number, tables)
+            history.begin(rule.start.number, problem)
             self._observers.begin(rule.task, rule.start)
             self.state = rule.start
             if rule.state.ending is None:

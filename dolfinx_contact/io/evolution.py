@@ -101,12 +101,11 @@ class EvolutionSeries(Observer):
 
         if self._count:
             return
-        problem = self._problem
         start = state.accepted
         history = History(start.time, start.energies)
         if start.state.gamma is not None:
             history = PathHistory(start.time, start.energies, gamma=start.gamma)
-        history.begin(state.number, {s.name: problem.table(s) for s in problem.surfaces})
+        history.begin(state.number, self._problem)
         self._write(history.first, start.time, start.state)
 
     def step(self, step: EvolutionStep, state: RunState | None = None) -> None:

@@ -150,10 +150,9 @@ class StepsRecord(Record[J], Generic[J, H]):
         if not killed:
             self._begin(vars(task), after=max(self._index, 0))
         if not states:
-            tables = {s.name: self.problem.table(s) for s in self.problem.surfaces}
             history = self._runs.history(state)
-            history.begin(state.number, tables)
-            letters = "".join(table.status for table in tables.values())
+            history.begin(state.number, self.problem)
+            letters = "".join(self.problem.table(s).status for s in self.problem.surfaces)
             self._write_state(state, letters, history.first)
 
     def _require_end(self, accepted: AcceptedState) -> None:
@@ -273,8 +272,7 @@ class StepsRecord(Record[J], Generic[J, H]):
             return self._runs.go_on(task, self._resumed_state, listeners)
         self._runs.put(run_state)
         history = self._runs.history(run_state)
-        tables = {s.name: self.problem.table(s) for s in self.problem.surfaces}
-        history.begin(run_state.number, tables)
+        history.begin(run_state.number, self.problem)
         history.end(run.ending, run.reason)
         if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
             raise NoContinuation(run.reason, history)

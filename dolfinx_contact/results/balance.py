@@ -39,6 +39,7 @@ __all__ = [
     "Balance",
     "PairBalance",
     "RigidBodyResult",
+    "at_conditions",
     "balance",
     "pair_balance",
     "pair_forces",
@@ -56,14 +57,12 @@ class Balance:
 
     Attributes:
         support: resultant of the reactions of all Dirichlet data, shape (dim,).
-        supports: reaction of each Dirichlet condition, shape (conditions, dim).
         external: resultant of loads and springs in the bulk form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces,
             without components normal to planes of symmetry with mirror images.
     """
 
     support: Array
-    supports: Array
     external: Array
     imbalance: float
 
@@ -102,25 +101,38 @@ def balance(
     left = contact + support + external
     left[_mirrored_axes(eq)] = 0.0
     imbalance = float(np.linalg.norm(left)) / size
-    return Balance(support, _by_condition(eq, reactions), external, imbalance)
+    return Balance(support, external, imbalance)
 
 
-def _by_condition(eq: ContactEquations, reactions: Array) -> Array:
-    """Return the reaction of each Dirichlet condition, shape (conditions, dim). Collective.
+def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Array, Array]:
+    """Return reaction and mean displacement of each Dirichlet condition. Collective.
 
     A dof in several conditions belongs to the last of them, whose value holds.
 
     Args:
         eq: contact problem.
-        reactions: reactions of Dirichlet data at the owned nodes, shape (n, dim).
+        supports: reactions of Dirichlet data at the local nodes (`support_at_nodes`).
+        u: displacement at the local nodes.
+
+    Returns:
+        Reactions and displacements, shape (conditions, dim). The displacement is the mean over the
+        nodes; it is NaN in components that the condition does not hold, and in the radial component
+        of a body of revolution.
     """
-    owner = np.full(reactions.size, -1)
+    n = eq.owned_sizes[0]
+    owner = np.full(n, -1)
     for number, bc in enumerate(eq.bcs):
         dofs = bc.dof_indices()[0]  # DOLFINx counts ghosts among the owned dofs of blocked spaces
-        owner[dofs[dofs < owner.size]] = number
-    of_component = owner.reshape(reactions.shape)
-    of_each = [np.where(of_component == k, reactions, 0.0) for k in range(len(eq.bcs))]
-    return np.array([_resultant(eq, forces) for forces in of_each]).reshape(-1, eq.dim)
+        owner[dofs[dofs < n]] = number
+
+    def sums(values: Array) -> Array:
+        each = [np.where(owner == k, values, 0.0).reshape(-1, eq.dim) for k in range(len(eq.bcs))]
+        return np.array([_resultant(eq, of_one) for of_one in each]).reshape(-1, eq.dim)
+
+    numbers = sums(np.ones(n))
+    none = np.full_like(numbers, np.nan)
+    means = np.divide(sums(u[:n]), numbers, out=none, where=numbers > 0)
+    return sums(supports.reshape(-1)[:n]), means
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:

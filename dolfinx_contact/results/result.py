@@ -29,6 +29,7 @@ from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import (
     PairBalance,
     RigidBodyResult,
+    at_conditions,
     balance,
     pair_balance,
     rigid_body_results,
@@ -78,6 +79,8 @@ class Result:
         supports: reaction of each condition of `ContactProblem.bcs`, in this order, shape
             (conditions, dim). A dof in several conditions belongs to the last of them, whose value
             holds; the rows therefore add up to ``support``.
+        support_displacements: mean displacement of the nodes of each condition, shape (conditions,
+            dim); NaN in components that it does not hold.
         external: resultant of the remaining forces on the body, i.e. loads and springs of the bulk
             form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces. The
@@ -98,6 +101,7 @@ class Result:
     dofs: int
     support: Array
     supports: Array
+    support_displacements: Array
     external: Array
     imbalance: float
     pairs: dict[str, PairBalance]
@@ -255,6 +259,7 @@ def collect(
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
     scales = _scales_of_law(eq, evaluation, tables.values())
     forces = balance(eq, evaluation, tables.values(), supports)
+    reactions, displacements = at_conditions(at[0], supports, at[1].u)
     violated = violation(eq, evaluation, *scales)
     weak = any(s.points.E is not None for s in eq.surfaces)
     warnings = dict(eq.warnings)
@@ -276,7 +281,8 @@ def collect(
         violated,
         sum(eq.unknowns.global_sizes),
         forces.support,
-        forces.supports,
+        reactions,
+        displacements,
         forces.external,
         forces.imbalance,
         Named(

@@ -9,13 +9,17 @@ from mpi4py import MPI
 import cases.two_blocks
 import numpy as np
 import pytest
-from support.blocks import same_tables
-from support.histories import cycle, dragged, klarbring, put
+from support.blocks import box, facets, same_tables
+from support.histories import cycle, dragged, klarbring, put, rollers
+from support.pairs import displacement
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Frictionless,
     HalfSpace,
     ParametricContact,
     RigidBody,
@@ -24,7 +28,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.evolution.rate_problem import rays_of_step
-from dolfinx_contact.materials import NeoHookean, lame
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
 
@@ -328,6 +332,60 @@ def test_rate_problem_without_solution_is_proved():
     assert (rays.rays, rays.complete) == ((), True)
     g.value = 2.9
     assert len(rays_of_step(problem).rays) == 2
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "energies of histories",
+    reference="closed form: prescribed displacements, work over the curve of the force",
+    aspects=("2D",),
+)
+def test_the_table_of_steps_has_the_curve_of_force_over_displacement():
+    problem, top = dragged()
+    history = QuasiStatic(problem, cycle(top)).run(np.linspace(0.0, 5.0, 21))
+    rows = history.rows()
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    time = columns["time"]
+    x, y = columns["support_0_ux"], columns["support_0_uy"]
+    np.testing.assert_allclose(x, 0.012 * np.interp(time, [1, 3, 5], [0, 1, -1]), atol=1e-15)
+    np.testing.assert_allclose(y, -0.01 * np.minimum(time, 1.0), atol=1e-15)
+    size = np.abs(columns["contact_y"]).max()
+    work = np.zeros(len(time) - 1)
+    for axis, way in (("x", x), ("y", y)):
+        force = columns[f"support_0_{axis}"]
+        np.testing.assert_allclose(force, -columns[f"contact_{axis}"], atol=1e-9 * size)
+        work += (force[1:] + force[:-1]) / 2 * np.diff(way)
+    external = columns["external"]
+    assert external[-1] > columns["dissipated"][-1] > 0
+    np.testing.assert_allclose(np.cumsum(work), external[1:], rtol=1e-9)
+    np.testing.assert_allclose(history.steps[-1].result.support_displacements, [(x[-1], y[-1])])
+
+
+@pytest.mark.ranks(2)
+def test_the_table_of_steps_has_components_of_supports_and_rigid_bodies():
+    """Normal displacements of two sides are held, and a rigid plane comes down on the top."""
+    domain = box(COMM, 2, "quad")
+    u = displacement(domain)
+    way = fem.Constant(domain, 0.0)
+    plate = RigidBody(
+        HalfSpace((0, 1), (0, -1)),
+        about=(0.5, 1),
+        motion={"y": way},
+        held=["x", "rz"],
+        name="plate",
+    )
+    top = ContactSurface(u, facets(domain, 1, 1.0), obstacle=plate, law=Frictionless())
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [top], bcs=rollers(u, (0, 0.0), (1, 0.0)))
+    evolution = QuasiStatic(problem, lambda time: setattr(way, "value", -0.01 * time))
+    start, half, end = evolution.run([0.0, 1.0, 2.0]).rows()
+    supports = ["support_0_x", "support_1_y", "support_0_ux", "support_1_uy"]
+    assert [name for name in end if name.startswith("support_")] == supports
+    assert list(start) == list(half) == list(end)
+    for row, part in ((start, 0), (half, 1), (end, 2)):
+        assert row["plate_uy"] == pytest.approx(-0.01 * part)
+        assert row["support_1_y"] == pytest.approx(10.0 * part)
+        assert row["plate_ux"] == row["plate_rz"] == row["support_1_uy"] == 0.0
 
 
 @pytest.mark.ranks(2)
