@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -178,6 +179,7 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
         for name in numbers
         if name not in _WORDS
     }
+    columns |= {} if is_path else journal.loads()
     names = list(dict.fromkeys((["gamma"] if is_path else []) + [along, *columns]))
     forces = [f"{name}_{axis}" for name in journal.places for axis in "xyz"]
     spans = {name: _span(columns[name]) for name in forces if name in columns}
@@ -197,7 +199,8 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
     line = BranchLine(name, 0, columns, statuses, marks, False, ending)
     unfinished = last is None or last.ending is None
     alike = [[n for n in columns if n in journal.states[0].energies]]
-    alike += [[n for n in forces if n in columns and n[:-2] == place] for place in journal.places]
+    vectors = {name[:-1] for name in columns if re.search("_u?[xyz]$", name)}
+    alike += [[n for n in columns if n[:-1] == vector] for vector in sorted(vectors)]
     return DiagramData(f"a {name}", along, names, functionals, [line], unfinished, alike)
 
 

@@ -523,6 +523,24 @@ class EvolutionJournal(AnyJournal):
         """
         return [p.row | {"status": p.status} for _, p in self._points(branch)]
 
+    def loads(self) -> dict[str, Array]:
+        """Return the Constants that change, with their values at all states, by name.
+
+        The names are those of messages, such as "point of HalfSpace of 'floor' y". Dirichlet
+        values are the columns ``support_0_ux``, ... of `rows`. On a path, `gammas` is the load.
+        """
+        first = self.states[0].data if self.states else {}
+        numbers = [name for name, values in first.items() if isinstance(values, list)]
+        found = {}
+        for name in numbers:
+            values = np.array([s.data[name] for s in self.states])
+            changing = np.flatnonzero(np.ptp(values, axis=0) > 0)
+            size = values.shape[1]
+            parts = [f" {part}" for part in ("xyz" if size <= 3 else range(size))]
+            short = name.removeprefix("the ")
+            found |= {short + parts[i] if size > 1 else short: values[:, i] for i in changing}
+        return found
+
     def _take(self, kind: str, entry: Entry) -> None:
         super()._take(kind, entry)
         if kind == "point":

@@ -288,6 +288,44 @@ def test_a_page_shows_every_step_of_a_history(kind, folder):
     COMM.barrier()
 
 
+@pytest.mark.ranks(2)
+def test_axes_of_a_history_are_supports_and_loads(folder):
+    """A floor comes up; a record of an older version has no columns of supports."""
+    floor = []
+
+    def rising(domain):
+        floor.append(fem.Constant(domain, (0.0, 0.0)))
+        return HalfSpace(floor[0], (0.0, 1.0))
+
+    problem, _ = dragged(n=2, obstacle=rising)
+
+    def load(time):
+        floor[0].value[1] = 0.01 * time
+
+    with EvolutionRecord(folder / "record", QuasiStatic(problem, load)) as kept:
+        history = kept.evolution.run([0.0, 1.0, 2.0], record=kept)
+    journal = read_journal(folder / "record")
+    height = "point of HalfSpace of 'contact' y"
+    assert list(journal.loads()) == [height]
+    np.testing.assert_allclose(journal.loads()[height], [0.0, 0.01, 0.02])
+    explorer(folder / "page.html", journal)
+    older = read_journal(folder / "record")
+    for state in older.states:
+        state["row"] = {k: v for k, v in state.row.items() if not k.startswith("support_")}
+    explorer(folder / "older.html", older)
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        forces = [row["support_0_y"] for row in history.rows()]
+        assert forces[0] == 0.0
+        assert forces[2] == pytest.approx(2 * forces[1])
+        np.testing.assert_array_equal(page.column("support_0_y"), forces)
+        np.testing.assert_array_equal(page.column("support_0_uy"), 0.0)
+        for shown in (page, read(folder / "older.html")):
+            np.testing.assert_array_equal(shown.column(height), journal.loads()[height])
+            assert shown.meta["axes"] == ["time", "contact_y"]
+    COMM.barrier()
+
+
 @pytest.mark.parametrize(("way", "scale"), [(0.0, 20.0), (0.3, 1.0)])
 def test_displacements_are_not_exaggerated_beside_a_long_way_of_an_obstacle(way, scale, folder):
     domain = box(COMM, 4, "quad")
