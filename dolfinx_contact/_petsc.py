@@ -3,8 +3,9 @@
 
 Options in PETSc's database (the command line, PETSC_OPTIONS) take precedence over those of a
 problem. Options that this package reads itself are validated, as are options of SNES that would
-replace the tests and matrices of this package. All others are PETSc's: it reports wrong values, and
-``-options_left`` lists names on the command line that nothing has read.
+replace the tests and matrices of this package. All others are PETSc's: it reports wrong values. A
+warning names the options of a problem that PETSc has not read; ``-options_left`` lists those of the
+command line.
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ _NO_SUCH_THING = (56, 62, 63, 83, 86, 92)
 #: Options of this package; a similar name is an error.
 _OWN = ("linear_solver", "snes_rtol", "surface_condensed")
 _NEARLY = 0.88
+#: Prefixes of solvers that a solve may not need.
+_PARTS = ("amg_", "held_", "surface_")
 #: Kinds of SNES that solve contact problems (tried); with multigrid only the first.
 _SNES_TYPES = ("newtonls", "newtontr", "newtontrdc", "vinewtonssls")
 #: Options that cannot be used here, by name, with the reason.
@@ -101,10 +104,17 @@ def parse_arguments(
 
 
 @contextmanager
-def options_in_database(prefix: str, options: Mapping[str, Any]) -> Iterator[None]:
+def options_in_database(
+    prefix: str, options: Mapping[str, Any], *, read: set[str] | None = None
+) -> Iterator[None]:
     """Context manager: ``options`` are in PETSc's database under ``prefix``.
 
     Options that are already in the database (command line, PETSC_OPTIONS) take precedence.
+
+    Args:
+        prefix: prefix of the options.
+        options: values by name without the prefix.
+        read: set to which the names of the options read by PETSc are added; default: none.
     """
     database = PETSc.Options()
     mine = {prefix + k: v for k, v in options.items() if not database.hasName(prefix + k)}
@@ -114,7 +124,17 @@ def options_in_database(prefix: str, options: Mapping[str, Any]) -> Iterator[Non
         yield
     finally:
         for key in mine:
+            if read is not None and _is_read(key):
+                read.add(key.removeprefix(prefix))
             database.delValue(key)
+
+
+def _is_read(key: str) -> bool:
+    """Return whether PETSc has read an option of its database."""
+    library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it before 3.23
+    found = ctypes.c_int(0)
+    library.PetscOptionsUsed(None, key.encode(), ctypes.byref(found))
+    return bool(found.value)
 
 
 def in_database(prefix: str) -> dict[str, str]:
@@ -132,11 +152,17 @@ class ProblemOptions:
         prefix: prefix of the options.
         given: options of the user, named without the prefix, which may be changed later; options in
             the database take precedence.
+
+    Attributes:
+        prefix: prefix of the options.
+        given: options of the user.
+        read: names of the options that PETSc has read in solves.
     """
 
     def __init__(self, prefix: str, given: Mapping[str, Any]):
         self.prefix = prefix
         self.given = given
+        self.read: set[str] = set()
 
     def check(self) -> None:
         """Validate the options given and those of the database under the prefix. Not collective.
@@ -179,6 +205,16 @@ class ProblemOptions:
             return str(database.getString(self.prefix + name))
         value = self.given.get(name)
         return None if value is None else str(value)
+
+    def unread(self) -> str:
+        """Return a warning about the options of the user that PETSc has not read; "" without any.
+
+        Options of parts that a solve may not need, such as multigrid, are not among them.
+        """
+        known = {*_OWN, *self.read, *in_database(self.prefix)}
+        names = [k for k in self.given if k not in known and not k.startswith(_PARTS)]
+        reasons = "misspelled, or not an option of the solvers that were used; -help lists all"
+        return f"PETSc has not read {', '.join(names)}: {reasons}" if names else ""
 
     def beside_newton(self) -> dict[str, str]:
         """Return the options of the linear solver, with its kind from the database if set there."""

@@ -839,6 +839,8 @@ class ContactProblem(ReadOnly):
                     x, attempts = solve(
                         eq, linear, x0, increments=increments, trial=trial, **notified
                     )
+                    if "petsc_options" in eq.warnings or any(a.iterations for a in attempts):
+                        eq.warn("petsc_options", eq.options.unread())
                 else:
                     validate(eq, x0)
                     x, attempts = _classical().solve_by(algorithm, eq, x0, **notified)

@@ -205,7 +205,8 @@ class Newton:
         self.linear.attach(self.snes.getKSP(), self._remainder)
         if self._full_steps and self.linear.corrects:
             self.snes.setLineSearchPreCheck(self._settle)
-        with options_in_database(prefix, self.options), as_raised():
+        read = self.equations.options.read
+        with options_in_database(prefix, self.options, read=read), as_raised():
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
         self.tolerance, _, _, self.max_iterations = self.snes.getTolerances()
@@ -250,7 +251,9 @@ class Newton:
         ksp = self.snes.getKSP()
         y = x.copy()
         try:
-            with options_in_database(self.equations.options.prefix, self.options), as_raised():
+            options = self.equations.options
+            kept = options_in_database(options.prefix, self.options, read=options.read)
+            with kept, as_raised():
                 self.snes.solve(None, y)
                 self._retry(y)
             y.copy(x)

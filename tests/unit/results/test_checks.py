@@ -472,6 +472,30 @@ def test_strains_at_a_corner_give_no_warning():
 
 
 @pytest.mark.ranks(2)
+def test_an_option_that_petsc_does_not_read_gives_a_warning(log):
+    """Not if it was not needed: without a step, or in multigrid."""
+    options = {
+        "snes_maxit": 5,
+        "snes_max_it": 30,
+        "snes_linesearch_maxstep": 1e6,
+        "ksp_error_if_not_converged": True,
+        "mat_mumps_icntl_14": 50,
+        "amg_pc_type": "hypre",
+    }
+    resting = block(n=2, options=options, top=(0.0, 0.0)).solve()
+    assert "petsc_options" not in resting.warnings
+    problem = block(n=2, options=options)
+    assert "snes_maxit" in problem.solve().warnings["petsc_options"]
+    text = said(log, "petsc_options")
+    assert text.startswith("petsc_options: PETSc has not read snes_maxit: misspelled")
+    problem.u.x.array[:] = 0.0
+    assert "petsc_options" in problem.solve().warnings
+    assert not said(log, "petsc_options")
+    del problem.petsc_options["snes_maxit"]
+    assert "petsc_options" not in problem.solve().warnings
+
+
+@pytest.mark.ranks(2)
 def test_displacement_in_other_units_than_the_mesh_gives_a_warning(log):
     """A mesh in m that is pressed by a hundredth of its height, or by as much in mm."""
     assert block(n=4).solve().indicators.displacement < 0.02
