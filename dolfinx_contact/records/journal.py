@@ -531,7 +531,7 @@ class EvolutionJournal(AnyJournal):
         """
         first = self.states[0].data if self.states else {}
         numbers = [name for name, values in first.items() if isinstance(values, list)]
-        found = {}
+        found: dict[str, Array] = {}
         for name in numbers:
             values = np.array([s.data[name] for s in self.states])
             changing = np.flatnonzero(np.ptp(values, axis=0) > 0)
