@@ -118,21 +118,14 @@ class Outside:
     def surface(self) -> OuterSurface | None:
         """Return the outer surface on rank 0, None on other ranks. Collective."""
         body = self.gather({})
-        contact, opposite = self.faces()
+        contact, opposite = self.faces(body)
         obstacles = {
             s.name: obstacle_facets(s) for s in self.problem.surfaces if not s.between_bodies
         }
         if not body:
             return None
-        nodes = body["nodes"]
-        return OuterSurface(
-            body["x"],
-            nodes,
-            body["cells"],
-            {name: np.searchsorted(nodes, corners) for name, corners in contact.items()},
-            {name: np.searchsorted(nodes, corners) for name, corners in opposite.items()},
-            {name: face["cells"] for name, face in obstacles.items()},
-        )
+        cells = {name: face["cells"] for name, face in obstacles.items()}
+        return OuterSurface(body["x"], body["nodes"], body["cells"], contact, opposite, cells)
 
     def state(self, law: ContactProblem) -> SurfaceState | None:
         """Return the state in the Functions on rank 0, None on other ranks. Collective.
@@ -152,28 +145,35 @@ class Outside:
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
         return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
 
-    def faces(self) -> tuple[dict[str, Cells], dict[str, Cells]]:
-        """Return the input numbers of the vertices of all contact facets on rank 0. Collective.
+    def faces(self, body: Arrays) -> tuple[dict[str, Cells], dict[str, Cells]]:
+        """Return the vertices of all contact facets on rank 0. Collective.
+
+        Args:
+            body: gathered body with these vertices, see `gather`.
 
         Returns:
             Facets of each contact surface, and of the master of each pair, by name.
         """
+        nodes = body.get("nodes", np.zeros(0, dtype=np.int64))
         surfaces = self.problem.surfaces
-        contact = {s.name: self._face(s.submesh.parent_facets) for s in surfaces}
         pairs = {s.name: s.obstacle.opposite for s in surfaces if s.between_bodies}
-        opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
+        contact = {s.name: self._face(s.submesh.parent_facets, nodes) for s in surfaces}
+        opposite = {name: self._face(pair.master_facets, nodes) for name, pair in pairs.items()}
         return contact, opposite
 
-    def _face(self, facets: Indices) -> Cells:
-        """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.
+    def _face(self, facets: Indices, nodes: Ints) -> Cells:
+        """Return the vertices of facets of all ranks, as positions in nodes, on rank 0. Collective.
 
         Args:
             facets: local facets of this rank; ghosts are left out.
+            nodes: increasing numbers of the gathered vertices in the input of the mesh.
         """
         topology = self.V.mesh.topology
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
         corners = self.numbers[facet_closures(self.V, owned)]
-        return np.concatenate(self.problem.comm.gather(corners) or [corners])
+        return np.searchsorted(
+            nodes, np.concatenate(self.problem.comm.gather(corners) or [corners])
+        )
 
 
 def _columns(table: ContactTable) -> Arrays:

@@ -2,12 +2,13 @@
 """Pictures of deformed bodies with their obstacles, and of several states side by side.
 
 The visible part is gathered to rank 0 (`scene_of`), which draws with matplotlib in 2D and with
-PyVista in 3D.
+PyVista in 3D (`draw_3d`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -18,16 +19,25 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.figures import (
+    FLOOR,
+    INK,
+    LINES,
     Drawing,
     File,
     add_status_legend,
+    around,
     drawn_on_root,
     new_figure,
+    shade,
+    title_of,
+    with_unit,
+    words_of,
 )
-from dolfinx_contact.plot.in_2d import draw_2d, draw_body
-from dolfinx_contact.plot.scene import Array, Look, Scene, check_look, scene_of, words_of
+from dolfinx_contact.plot.scene import Look, Scene, check_look, framed, scene_of
+from dolfinx_contact.results.outer_surface import Cells
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from dolfinx_contact.continuation import BranchPoint, Solution
@@ -36,6 +46,9 @@ if TYPE_CHECKING:
     from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
+
+_PIXELS = 180  # of the width of a picture in an inch of the body
+_ACROSS = 1600.0  # pixels of the longer side of a picture, about
 
 
 def _check_options(a: Arguments) -> None:
@@ -55,9 +68,10 @@ def picture_of_body(
 ) -> Drawing | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
 
-    The rim of a slave surface is thick, that of a master thin. A plane is drawn as a rectangle
-    below the body. Another obstacle that is much larger than the body is drawn only around it.
-    Obstacles between the viewer and the body are transparent.
+    The bodies fill the picture, and an obstacle larger than them may be cut at its frame. The rim
+    of a slave surface is thick, that of a master thin. A plane is drawn as a rectangle below the
+    body. Another obstacle that is much larger than the body is drawn only around it. Obstacles
+    between the viewer and the body are transparent.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg`` (in 3D the latter two contain an image); None writes
@@ -92,38 +106,99 @@ def picture_of_body(
             plot.picture_of_body("detail.png", problem, stress=steel.full_stress(u), **look)
     """
     if title is None:
-        title = ", ".join(filter(None, ["Deformed body", words_of(state)]))
+        title = title_of("Deformed body", words_of(state))
     with problem.at(state) as shown:
         scene = scene_of(shown, stress, scale, title, look)
 
     def draw() -> Drawing:
         assert scene is not None
-        return draw_scene(scene.with_obstacles_around(scene.x))
+        return draw_scene(framed([scene])[0])
 
     return drawn_on_root(problem.comm, file, draw)
 
 
-def draw_scene(
-    scene: Scene,
-    visible: Array | None = None,
-    limits: tuple[float, float] | None = None,
-    width: int = 1600,
-) -> Drawing:
+def draw_scene(scene: Scene, width: int = 1600) -> Drawing:
     """Draw a scene. Not collective.
 
     Args:
-        scene: bodies and obstacles.
-        visible: points that must be visible, shape (k, dim); default: bodies and obstacles.
-        limits: ends of the colours, default those of the scene.
+        scene: bodies and obstacles, see `framed`.
         width: approximate width in pixels.
     """
-    visible = scene.visible_points() if visible is None else visible
     if scene.x.shape[1] == 2:
-        return draw_2d(scene, visible, limits, width)
+        return _draw_2d(scene, width)
     optional("pyvista", "pictures")
     from dolfinx_contact.plot.in_3d import draw_3d
 
-    return draw_3d(scene, visible, limits, width)
+    return draw_3d(scene, width)
+
+
+def _draw_2d(scene: Scene, width: int) -> Figure:
+    """Draw bodies in 2D, see `draw_scene`."""
+    extent = np.ptp(scene.visible, axis=0)
+    is_flat = bool(extent[1] < 0.5 * extent[0])
+    size = np.maximum(width / _PIXELS * extent / extent.max(), (2.4, 1.0))
+    figure = new_figure(tuple(size + ((1.0, 1.9) if is_flat else (1.9, 1.1))), "compressed")
+    figure.suptitle(scene.title, fontweight="bold", wrap=True)
+    axes = figure.add_subplot()
+    shades = _draw_body(axes, scene)
+    if scene.values is not None:
+        place = "bottom" if is_flat else "right"
+        figure.colorbar(shades, ax=axes, location=place, aspect=30).set_label(scene.label)
+    arrows = scene.view.arrows
+    look: dict[str, Any] = dict(angles="xy", scale_units="xy", scale=1, width=0.006, zorder=5)
+    for (name, (points, vectors)), colour in zip(arrows.items(), cycle(LINES), strict=False):
+        axes.quiver(*points.T, *vectors.T, color=colour, label=name, **look)
+    if arrows:
+        axes.legend(frameon=False, loc="upper right")
+    unit = scene.view.units.get("length")
+    axes.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
+    axes.locator_params(axis="x", nbins=3 if extent[1] > 3 * extent[0] else 8)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _draw_body(axes: Axes, scene: Scene) -> Any:
+    """Draw bodies, obstacles and rims; return the colours of the field."""
+    from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+    from matplotlib.path import Path
+
+    x, cells = scene.x, scene.cells
+    low, high = scene.visible.min(axis=0), scene.visible.max(axis=0)
+    size = float(np.max(high - low))
+    values, colours, ends = scene.colours()
+    thin = float(np.clip(20 / np.sqrt(len(cells)), 0.05, 0.3))  # coloured cells stay visible
+    thin *= scene.shows_edges(_ACROSS / size)
+    look: dict[str, Any] = dict(cmap=colours, vmin=ends[0], vmax=ends[1])
+    shades = shade(axes, x, cells, values, width=thin, alpha=0.4, **look)
+    # obstacles are areas or bands with a depth
+    depth = 0.05 * float(np.sqrt(np.prod(high - low)))
+    for o in scene.obstacles:
+        band = np.concatenate([o.x[o.cells], (o.x + depth * o.n)[o.cells[:, ::-1]]], axis=1)
+        fill: Any = PolyCollection(band)
+        if o.inside:
+            fill = PathCollection([Path(*path) for path in o.inside])
+        fill.set(facecolors=FLOOR, edgecolors=FLOOR, zorder=0)
+        axes.add_collection(fill)
+    lines = [(x, _boundary(cells), 0.8), *((x, face, 2.0) for face in scene.slaves)]
+    lines += [(x, face, 1.2) for face in scene.masters]
+    lines += [(o.x, o.cells, 1.2) for o in scene.obstacles]
+    for points, face, width in lines:
+        axes.add_collection(LineCollection(points[face], colors=INK, linewidths=width))
+    margin = 0.0 if scene.view.region is not None else 0.03 * size
+    low, high = low - margin, high + margin
+    axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    return shades
+
+
+def _boundary(cells: Cells) -> Cells:
+    """Return the edges of the boundary of bodies in 2D."""
+    loop = around(cells)
+    sides = np.sort(np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    return np.asarray(edges[count == 1])
+
+
+# -- states side by side ---------------------------------------------------------------------------
 
 
 def _check_states(a: Arguments) -> None:
@@ -192,7 +267,7 @@ def picture_of_states(
             add(of.problem, rf"$\gamma$ = {point.gamma:.4g}", tables.values())
 
     def draw() -> Figure:
-        panels = [scene for scene in scenes if scene is not None]
+        panels = framed([scene for scene in scenes if scene is not None])
         return _draw_states(panels, titles or captions, scale)
 
     return drawn_on_root(system.comm, file, draw)
@@ -201,19 +276,16 @@ def picture_of_states(
 def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -> Figure:
     """Draw scenes side by side, with one scale of colours and a legend of statuses."""
     # slender bodies in a column or a row, others in a square
-    every = np.concatenate([scene.x for scene in scenes])
-    low, high = every.min(axis=0), every.max(axis=0)
-    ratio = float(np.divide(*(high - low)[::-1]))
+    extent = np.ptp(scenes[0].visible, axis=0)
+    ratio = float(extent[1] / extent[0])
     columns = int(np.clip(np.ceil(np.sqrt(len(scenes) * ratio)), 1, len(scenes)))
     rows = -(-len(scenes) // columns)
     width = min(12.0 / columns, 9.0 / rows / ratio)
     size = max(columns * width + 1.3, 4.5), rows * (width * ratio + 0.4) + 0.9
     figure = new_figure(size, "compressed")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    highest = max(float(np.max(s.values)) for s in scenes if s.values is not None)
-    limits = 0.0, highest or 1.0
     for axes, scene, title in zip(panels, scenes, titles, strict=False):
-        shades = draw_body(axes, scene.with_obstacles_around(every), np.stack([low, high]), limits)
+        shades = _draw_body(axes, scene)
         look: dict[str, Any] = dict(edgecolors="0.2", linewidths=0.2, zorder=3)
         colours = [status.COLOURS[k] for k in scene.letters]
         axes.scatter(*scene.points.T, s=14 if len(colours) <= 40 else 8, c=colours, **look)

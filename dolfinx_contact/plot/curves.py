@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -23,6 +24,7 @@ Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
 
 _REFERENCE_STYLES = (":", "--", "-.")
 _FEW = 20  # number of points up to which the points of a line are marked
+_HATCH = "///"  # of cells without a proof
 
 
 def draw_curves(
@@ -54,17 +56,13 @@ def draw_curves(
         ValueError: if the curves have no names, or one has different numbers of abscissae and
             ordinates.
     """
-    _require_names(curves)
-    lines = [(name, curve, "-") for name, curve in curves.items()]
-    lines += [(name, curve, "o") for name, curve in (marks or {}).items()]
-    for i, (name, curve) in enumerate((dotted or {}).items()):
-        lines.append((name, curve, _REFERENCE_STYLES[i % len(_REFERENCE_STYLES)]))
-    axes = new_figure((6.4, 4.4)).add_subplot()
-    for i, (name, (x, y), style) in enumerate(lines):
-        style += "o" if style == "-" and np.size(x) <= _FEW else ""
-        colour = "black" if style in _REFERENCE_STYLES else LINES[i % len(LINES)]
-        size = 5.5 if style == "o" else 3.5
-        axes.plot(x, y, style, color=colour, lw=1.6, ms=size, label=name)
+    axes = _new_axes(curves, (6.4, 4.4))
+    for name, (x, y) in curves.items():
+        axes.plot(x, y, "-o" if np.size(x) <= _FEW else "-", ms=3.5, label=name)
+    for name, (x, y) in (marks or {}).items():
+        axes.plot(x, y, "o", ms=5.5, label=name)
+    for (name, (x, y)), style in zip((dotted or {}).items(), cycle(_REFERENCE_STYLES)):
+        axes.plot(x, y, style, color="black", label=name)
     if loglog:
         axes.set(xscale="log", yscale="log")
     axes.set(xlabel=labels[0], ylabel=labels[1])
@@ -91,28 +89,31 @@ def draw_polar(
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
         ValueError: if the curves have no names, or one has different numbers of angles and radii.
     """
-    _require_names(curves)
-    axes = new_figure((5.4, 5.4)).add_subplot(projection="polar")
-    for i, (name, (angles, radii)) in enumerate(curves.items()):
+    axes = _new_axes(curves, (5.4, 5.4), projection="polar")
+    for name, (angles, radii) in curves.items():
         r = np.where(np.isfinite(radii), radii, np.nan)
         closed = np.append(angles, np.ravel(angles)[:1] + 2 * np.pi), np.append(r, r[:1])
-        axes.plot(*closed, "-o", color=LINES[i % len(LINES)], lw=1.6, ms=3.5, label=name)
+        axes.plot(*closed, "-o", ms=3.5, label=name)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(label)
     return _finish(axes, file, title, loc="upper right")
 
 
-def _require_names(curves: Any) -> None:
+def _new_axes(curves: Any, size: tuple[float, float], **options: Any) -> Axes:
+    """Return axes for curves with names, in a new figure with one colour after the other."""
     if not isinstance(curves, Mapping):
         got = type(curves).__name__
         raise ValueError(f"curves must be a dictionary of curves by name, got a {got}")
+    axes = new_figure(size).add_subplot(**options)
+    axes.set_prop_cycle(color=LINES, lw=[1.6] * len(LINES))
+    return axes
 
 
 def _finish(axes: Axes, file: File, title: str | None, **legend: Any) -> Axes:
-    """Add title and legend, and write the figure."""
-    axes.set_title(title or "", loc="left")
+    """Add the legend of the lines and the title, and write the figure."""
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize=9, **legend)
+    axes.set_title(title or "", loc="left")
     save(axes.figure, file)
     return axes
 
@@ -147,42 +148,44 @@ def draw_chart(
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
         ValueError: if a set of statuses has no name.
     """
-    from matplotlib.patches import Patch
-
     if names is None:
-        words = [_solutions(cell.count) for cell in chart.cells]
         numbers = sorted({cell.count for cell in chart.cells})
         colours = {_solutions(n): FILLS[n % len(FILLS)] for n in numbers}
+        words = [_solutions(cell.count) for cell in chart.cells]
     else:
         unnamed = {c.solutions for c in chart.cells} - set(names)
         if unnamed:
             raise ValueError(f"no names are given for {sorted(unnamed)}")
+        colours = dict(zip(names.values(), cycle(FILLS)))
         words = [names[cell.solutions] for cell in chart.cells]
-        colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
     axes = new_figure((6.4, 6.0)).add_subplot()
     for cell, word in zip(chart.cells, words, strict=True):
-        hatch = None if cell.proved else "///"
-        outline = cell.outline()
-        axes.fill_between(*outline, facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
+        hatch = None if cell.proved else _HATCH
+        fill: dict[str, Any] = dict(facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
+        axes.fill_between(*cell.outline(), **fill)
+    axes.set(xlim=axes.dataLim.intervalx, ylim=axes.dataLim.intervaly)
     for curve in chart.curves if curves is None else curves.curves:
         axes.plot(*curve.points(32).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
-    axes.set(
-        xlim=(min(c.mu[0] for c in chart.cells), max(c.mu[1] for c in chart.cells)),
-        ylim=(min(c.gamma[0] for c in chart.cells), max(c.gamma[1] for c in chart.cells)),
-        xlabel=labels[0],
-        ylabel=labels[1],
-    )
-    axes.set_title(title or "", loc="left")
-    fills = {word: dict(facecolor=c) for word, c in colours.items() if word in words}
-    if not chart.proved:
-        fills["at least"] = dict(facecolor="white", hatch="///")
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    shown = {word: colour for word, colour in colours.items() if word in words}
+    _add_legend_of_fills(axes, shown, columns=4 if names is None else 2, proved=chart.proved)
+    return _finish(axes, file, title)
+
+
+def _add_legend_of_fills(
+    axes: Axes, colours: Mapping[str, str], *, columns: int, proved: bool
+) -> None:
+    """Add a legend with the colours of cells by name, and the hatch of cells without a proof."""
+    from matplotlib.patches import Patch
+
+    fills = {word: dict(facecolor=colour) for word, colour in colours.items()}
+    if not proved:
+        fills["at least"] = dict(facecolor="white", hatch=_HATCH)
     handles = [Patch(edgecolor="0.4", label=word, **fill) for word, fill in fills.items()]
-    columns = 4 if names is None else 2
-    axes.figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
-    save(axes.figure, file)
-    return axes
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=columns, frameon=False)
+    axes.figure.legend(handles=handles, **place)
 
 
 def _solutions(n: int) -> str:

@@ -93,30 +93,26 @@ def draw_diagram(
     solutions: list[Solutions] = [getattr(found, "solutions", found) for found in numbers]
     # panels of functionals above, strips below
     shown = branches[:strips]
-    columns = len(labels) if len(labels) < 4 else 2
+    columns = min(len(labels), 2)
     rows = -(-len(labels) // columns)
     legend = _LEGEND_ROW * -(-len(branches) // _LEGEND_COLUMNS)
-    heights = [(4.8 if rows == columns == 1 else 3.4 * rows) + legend, 2.0 * len(shown) + 0.4]
-    figure = new_figure((max(9.0, 4.2 * columns), sum(heights)))
-    parts = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
-    panels = parts[0].subplots(rows, columns, squeeze=False).ravel()
-    for axes, (name, text) in zip(panels, labels.items(), strict=False):
-        for i, b in enumerate(branches):
-            _draw_branch(axes, journal, b, name, i, words[i])
-        _draw_numbers(axes, solutions)
-        axes.set(xlabel=parameter, ylabel=text)
-        axes.grid(color="0.92")
-        axes.set_axisbelow(True)
+    heights = [3.4 * rows + 1.4 + legend, 2.0 * len(shown) + 0.4]
+    figure = new_figure((9.0, sum(heights)))
+    upper, *lower = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
+    panels = upper.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (name, label) in zip(panels, labels.items(), strict=False):
+        axes.set(xlabel=parameter, ylabel=label)
+        _draw_functional(axes, journal, name, dict(zip(branches, words, strict=True)), solutions)
     for axes in panels[len(labels) :]:
         axes.set_axis_off()
     panels[0].set_title(title or "Solutions", loc="left", pad=_TITLE_PAD if solutions else None)
-    # below the panels, where it covers no branch
-    named = zip(*panels[0].get_legend_handles_labels(), strict=True)
-    handles, texts = zip(*sorted(named, key=lambda pair: pair[1] not in words), strict=True)
+    # below the panels, where it covers no branch; branches come first
+    handles = panels[0].get_legend_handles_labels()[0]
+    handles.sort(key=lambda line: line.get_label() not in words)
     place: dict[str, Any] = dict(loc="outside lower center", ncols=_LEGEND_COLUMNS, fontsize=9)
-    parts[0].legend(handles, texts, frameon=False, **place)
-    if shown:
-        _draw_strips(parts[1], journal, shown)
+    upper.legend(handles=handles, frameon=False, **place)
+    for part in lower:
+        _draw_strips(part, journal, shown)
     save(figure, file)
     return figure
 
@@ -143,39 +139,50 @@ def _status_name(journal: Journal, branch: int) -> str:
     return f"branch {branch}: {words}" if len(words) <= _LONGEST_NAME else f"branch {branch}"
 
 
-def _draw_branch(axes: Axes, journal: Journal, branch: int, name: str, i: int, word: str) -> None:
-    """Draw a branch over gamma: a triangle marks its start, a square its end."""
-    c = journal.columns(branch)
-    colour = LINES[i % len(LINES)]
-    style = _DASHES[(i // len(LINES)) % len(_DASHES)]
-    axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=word)
-    axes.plot(c["gamma"][0], c[name][0], ">", color=colour, ms=7, mec="black", mew=0.6)
-    axes.plot(c["gamma"][-1], c[name][-1], "s", color=colour, ms=6, mec="black", mew=0.6)
-    # folds, bifurcations and unexpected ends
-    for p in journal.branches[branch].points:
-        for s in p.special:
-            if (s.kind, s.smooth) not in _MARKS:
-                continue
-            # a nonsmooth special point is a point of the branch, a smooth one lies before it
-            at = p.index
-            if s.smooth:
-                first = max(at - 1, 0)
-                at = first + int(np.argmin(np.abs(c["gamma"][first : at + 1] - s.gamma)))
-            shape, filling, label = _MARKS[s.kind, s.smooth]
-            named = axes.get_legend_handles_labels()[1]
-            look = dict(ms=10 if shape == "*" else 7, mfc=filling, mec="black", ls="")
-            text = None if label in named else label
-            axes.plot(s.gamma, c[name][at], shape, zorder=5, label=text, **look)
+def _draw_functional(
+    axes: Axes,
+    journal: Journal,
+    name: str,
+    branches: Mapping[int, str],
+    solutions: Sequence[Solutions],
+) -> None:
+    """Draw a functional over gamma: a triangle marks the start of a branch, a square its end.
 
-
-def _draw_numbers(axes: Axes, solutions: Sequence[Solutions]) -> None:
-    """Draw lines at values of gamma, with the number of solutions above the frame."""
+    Args:
+        axes: axes.
+        journal: journal of the branches.
+        name: column of the functional.
+        branches: names of the branches by their numbers.
+        solutions: solutions at values of gamma.
+    """
+    special: dict[tuple[str, bool], list[tuple[float, float]]] = {}
+    for i, (branch, word) in enumerate(branches.items()):
+        c = journal.columns(branch)
+        gamma, values = c["gamma"], c[name]
+        colour = LINES[i % len(LINES)]
+        style = _DASHES[(i // len(LINES)) % len(_DASHES)]
+        axes.plot(gamma, values, style, color=colour, lw=1.8, label=word)
+        axes.plot(gamma[0], values[0], ">", color=colour, ms=7, mec="black", mew=0.6)
+        axes.plot(gamma[-1], values[-1], "s", color=colour, ms=6, mec="black", mew=0.6)
+        for p in journal.branches[branch].points:
+            for s in p.special:
+                # a nonsmooth special point is a point of the branch, a smooth one lies before it
+                first = max(p.index - 1, 0) if s.smooth else p.index
+                at = first + int(np.argmin(np.abs(gamma[first : p.index + 1] - s.gamma)))
+                special.setdefault((s.kind, s.smooth), []).append((s.gamma, values[at]))
+    for kind, (shape, filling, label) in _MARKS.items():
+        if kind in special:
+            look: dict[str, Any] = dict(ms=10 if shape == "*" else 7, mfc=filling, mec="black")
+            axes.plot(*np.transpose(special[kind]), shape, zorder=5, label=label, **look)
+    # lines at values of gamma, with the number of solutions above the frame
     for found in solutions:
         colour = _PROVED if found.complete else _OPEN
         many = f"{len(found.found)}, proved" if found.complete else f"at least {len(found.found)}"
         axes.axvline(found.gamma, color=colour, lw=1.0, ls=":", zorder=0)
-        look: dict[str, Any] = dict(rotation=90, fontsize=7, color=colour, ha="center", va="bottom")
+        look = dict(rotation=90, fontsize=7, color=colour, ha="center", va="bottom")
         axes.text(found.gamma, 1.02, many, transform=axes.get_xaxis_transform(), **look)
+    axes.grid(color="0.92")
+    axes.set_axisbelow(True)
 
 
 def _draw_strips(figure: SubFigure, journal: Journal, branches: Sequence[int]) -> None:

@@ -1,47 +1,45 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid obstacles as they are drawn.
 
-A plane is drawn as a rectangle below the bodies. Obstacles with facets are drawn as they are. Any
-other obstacle with a formula is drawn as the contour gap = 0 on a grid: the whole of it if it is
-not much larger than the bodies, otherwise the part around them.
+Obstacles with facets are drawn as they are. Any other obstacle with a formula is drawn as the
+contour gap = 0 on a grid: the whole of it if it is not much larger than the bodies, otherwise the
+part around them. An obstacle that is not known everywhere is drawn opposite to the contact surface.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import null_space
 
 import ufl
 from dolfinx import fem
 from ufl.algorithms import expand_derivatives
 from ufl.algorithms.analysis import extract_constants, extract_type
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import unit
+from dolfinx_contact.io.outside import obstacle_facets
 from dolfinx_contact.obstacles import known_displaced
 from dolfinx_contact.points.evaluators import ScatteredEvaluator
 from dolfinx_contact.points.rigid_body import shape_of
+from dolfinx_contact.results.outer_surface import Cells
 
 if TYPE_CHECKING:
     from dolfinx import mesh
 
     from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["DrawnObstacle", "Formula", "formula_of"]
+__all__ = ["DrawnObstacle", "obstacle_of"]
 
-Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int64]
-
-_NUMBER = {2: 201, 3: 49}  # of grid points along an axis
+_NUMBER = {2: 201, 3: 49}  # of grid points along an axis, by dimension
 _SLIVER = 5e-4  # gap at a grid point that counts as positive, relative to the size of the grid
-_PLANE_RIM = 0.1  # width of the rim of a plane around the bodies, relative to their size
-_RIM = 0.2  # the same for an obstacle of which a part is drawn
-_WHOLE = 1.0  # an obstacle that ends within this distance is drawn whole, relative to the size
+_WHOLE = 1.2  # an obstacle that ends within this distance is drawn whole, relative to the size
+_RIM = {2: 0.2, 3: 0.1}  # width of the part around the bodies, in 2D up to the frame
+_DEPTH = 0.1  # depth of the inside of a plane
 
 
 @dataclass(frozen=True)
@@ -52,22 +50,20 @@ class DrawnObstacle:
         x: coordinates of its vertices, shape (m, dim).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle, shape (m, dim).
-        is_plane: True if the obstacle is a plane that is still to be extended below the bodies.
-        formula: formula from which it is still to be extracted, if there is one.
+        is_opposite: True if the vertices are opposite to those of a contact surface.
+        formula: formula from which the obstacle is still to be extracted, if there is one.
         inside: in 2D its inside, as points and codes of matplotlib paths; () for a thin band.
     """
 
     x: Array
     cells: Cells
     n: Array
-    is_plane: bool = False
-    formula: Formula | None = None
+    is_opposite: bool = False
+    formula: _Formula | None = None
     inside: Sequence[tuple[Array, npt.NDArray[np.uint8]]] = ()
 
     def around(self, points: Array) -> DrawnObstacle:
         """Return the obstacle as it is drawn around points (n, dim). Not collective."""
-        if self.is_plane:
-            return self._plane_below(points)
         if self.formula is None:
             return self
         low, high = points.min(axis=0), points.max(axis=0)
@@ -77,26 +73,33 @@ class DrawnObstacle:
         if whole is None:
             return self
         # all of it along the axes on which it ends, along others the part near the bodies
-        step = (last - first) / _NUMBER[len(low)]
         begin, end = whole.x.min(axis=0), whole.x.max(axis=0)
+        step = (last - first) / _NUMBER[len(low)]
         ends = (begin > first + step) & (end < last - step)
-        low = np.where(ends, begin - step, low - _RIM * size)
-        high = np.where(ends, end + step, high + _RIM * size)
+        rim, depth = _RIM[len(low)] * size, _DEPTH * size
+        low = np.where(ends, begin - depth, low - rim)
+        high = np.where(ends, end + depth, high + rim)
         return self.formula.surface(low, high) or whole
 
-    def _plane_below(self, points: Array) -> DrawnObstacle:
-        """Return a plane as the rectangle, in 2D the segment, below points (n, dim)."""
-        n = self.n[0]
-        axes = null_space(n[None])
-        along = points @ axes
-        low, high = along.min(axis=0), along.max(axis=0)
-        rim = _PLANE_RIM * float(np.max(high - low))
-        corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
-        x = corners @ axes.T + (self.x[0] @ n) * n
-        return DrawnObstacle(x, np.arange(len(x))[None], np.tile(n, (len(x), 1)))
+
+def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
+    """Return the obstacle of a contact surface at the present data, empty except on rank 0.
+
+    Collective.
+
+    Args:
+        s: contact surface.
+        scale: factor of the motion of the obstacle.
+    """
+    face, formula = obstacle_facets(s), _formula_of(s, scale)
+    if not face:
+        return DrawnObstacle(np.zeros((0, s.dim)), np.zeros((0, s.dim), int), np.zeros((0, s.dim)))
+    x = face["floor"][:, : s.dim] + scale * face["moved"]
+    is_opposite = s.obstacle.outline is None
+    return DrawnObstacle(x, face["cells"], unit(face["n"]), is_opposite, formula)
 
 
-class Formula:
+class _Formula:
     """Gap and normal of an obstacle at any point, at the present data. Collective.
 
     Args:
@@ -123,8 +126,8 @@ class Formula:
     def _at(self, x: Array) -> tuple[Array, Array]:
         """Return gaps (n,) and unit normals (n, dim) at points (n, dim)."""
         self._values.x = (x - self._moved) @ np.linalg.pinv(self._turned)
-        found = self._values()["both"]
-        return found[:, 0], unit(found[:, 1:] @ self._turned)
+        both = self._values()["both"]
+        return both[:, 0], unit(both[:, 1:] @ self._turned)
 
     def surface(self, low: Array, high: Array) -> DrawnObstacle | None:
         """Return the part of the surface in a box; None if there is none."""
@@ -136,35 +139,29 @@ class Formula:
         size = float(np.max(high - low))
         gap = np.clip(np.nan_to_num(gap, nan=size), -size, size).reshape(grid.shape[:-1])
         gap[np.abs(gap) < _SLIVER * size] = _SLIVER * size
-        found = (_curves if dim == 2 else _triangles)(axes, gap)
-        if not len(found.x):
+        part = (_curves if dim == 2 else _triangles)(axes, gap)
+        if not len(part.x):
             return None
         # move the vertices from the interpolated surface to the surface
-        distance, n = self._at(found.x)
-        return replace(found, x=found.x + distance[:, None] * n, n=n)
+        distance, n = self._at(part.x)
+        return replace(part, x=part.x + distance[:, None] * n, n=n)
 
 
-def formula_of(domain: mesh.Mesh, s: DiscreteSurface, scale: float) -> Formula | None:
-    """Return the formula of an obstacle; None if it is flat, has facets or is not known everywhere.
+def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
+    """Return the formula of an obstacle; None if it has facets or is not known everywhere.
 
-    Collective.
-
-    Args:
-        domain: mesh of the bodies.
-        s: contact surface.
-        scale: factor of the motion of the obstacle.
+    Collective; arguments as of `obstacle_of`.
     """
-    shape = shape_of(s.obstacle)
-    if shape.flat or shape.outline is not None or not known_displaced(shape):
+    shape, domain = shape_of(s.obstacle), s.u.function_space.mesh
+    if shape.outline is not None or not known_displaced(shape):
         return None
     x = ufl.SpatialCoordinate(domain)
     gap, normal = shape.at(domain, x)
     both = expand_derivatives(ufl.as_vector([gap, *normal]))
     if extract_type(both, (ufl.classes.Coefficient, ufl.classes.GeometricQuantity)) - {x}:
         return None
-    ends = np.concatenate([np.zeros((1, s.dim)), np.eye(s.dim)])
-    motion = scale * s.partner.dragged(ends)
-    return Formula(domain, both, motion, axisymmetric=s.axisymmetric)
+    motion = scale * s.partner.dragged(np.vstack([np.zeros(s.dim), np.eye(s.dim)]))
+    return _Formula(domain, both, motion, axisymmetric=s.axisymmetric)
 
 
 def _curves(axes: Array, gap: Array) -> DrawnObstacle:

@@ -1,29 +1,36 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figures, their files, and colours."""
+"""Figures, their files, titles and legends, and the colours of fields."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import on_root
 from dolfinx_contact.laws import status
+from dolfinx_contact.results.outer_surface import Cells
 
 if TYPE_CHECKING:
     import pyvista
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+    from dolfinx_contact.equations.state import State
+
 __all__ = [
-    *("FIELD", "FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "TINTS", "Drawing", "File"),
-    *("add_status_legend", "drawn_on_root", "new_figure", "save"),
+    *("FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "Drawing", "File", "add_status_legend"),
+    *("are_distinct", "around", "drawn_on_root", "new_figure", "save", "shade", "title_of"),
+    *("with_unit", "words_of"),
 ]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
@@ -38,10 +45,14 @@ FILLS = (
 )
 INK = "#22262b"
 FLOOR = "#c9ced4"
-TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies without a field
 NOT_FINITE = "#9a9a9a"
-FIELD = "Spectral_r"  # colour map of fields
 _DPI = 130
+_DENSE = 20.0  # size of cells in pixels below which their edges would hide the colours
+_MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
+_FINEST = 3  # number of times that an edge of a cell is halved in it
+
+
+# -- figures and files -----------------------------------------------------------------------------
 
 
 def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure:
@@ -77,33 +88,7 @@ def save(drawing: Drawing, file: File) -> None:
         else:  # VTK cannot write PDF or SVG with transparent parts
             from matplotlib.image import imsave
 
-            imsave(part, np.asarray(drawing.screenshot(None, return_img=True)), dpi=200)
-
-
-def add_status_legend(
-    figure: Figure | SubFigure,
-    letters: str,
-    names: dict[str, str] = status.NAMES,
-    title: str | None = None,
-) -> None:
-    """Add a legend with the statuses of contact points below a figure.
-
-    Args:
-        figure: figure.
-        letters: letters of all points.
-        names: names of the letters.
-        title: title of the legend.
-    """
-    from matplotlib.patches import Patch
-
-    look: dict[str, Any] = dict(edgecolor=INK, lw=0.5)
-    handles = [
-        Patch(facecolor=status.COLOURS[k], label=name, **look)
-        for k, name in names.items()
-        if k in letters
-    ]
-    place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
-    figure.legend(handles=handles, frameon=False, title=title, **place)
+            imsave(part, np.asarray(drawing.screenshot(return_img=True)), dpi=200)
 
 
 def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Drawing | None:
@@ -120,3 +105,113 @@ def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Dr
 
     on_root(comm, write)
     return drawings[0] if drawings else None
+
+
+# -- titles and legends ----------------------------------------------------------------------------
+
+
+def title_of(*parts: str) -> str:
+    """Return a title of the parts that are not empty."""
+    return ", ".join(filter(None, parts))
+
+
+def words_of(state: State | None) -> str:
+    """Return the load or the time of a state for a title; "" if there is none."""
+    if state is None or (state.gamma is None and state.time is None):
+        return ""
+    return f"time {state.time:.4g}" if state.gamma is None else f"gamma {state.gamma:.4g}"
+
+
+def with_unit(label: str, unit: str | None) -> str:
+    """Return a label with its unit, if there is one."""
+    return f"{label} [{unit}]" if unit else label
+
+
+def add_status_legend(
+    figure: Figure | SubFigure,
+    letters: str,
+    names: Mapping[str, str] = status.NAMES,
+    title: str | None = None,
+) -> None:
+    """Add a legend with the statuses of contact points below a figure.
+
+    Args:
+        figure: figure.
+        letters: letters of all points.
+        names: names of the letters.
+        title: title of the legend.
+    """
+    from matplotlib.patches import Patch
+
+    look: dict[str, Any] = dict(edgecolor=INK, lw=0.5)
+    present = {k: name for k, name in names.items() if k in letters}
+    handles = [Patch(facecolor=status.COLOURS[k], label=v, **look) for k, v in present.items()]
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
+    figure.legend(handles=handles, frameon=False, title=title, **place)
+
+
+# -- fields ----------------------------------------------------------------------------------------
+
+
+def around(cells: Cells) -> Cells:
+    """Return vertices of segments, triangles or quadrilaterals in the order around the cell."""
+    return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
+
+
+def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
+    """Return whether the edges of cells are so far apart that they do not hide the colours.
+
+    Args:
+        x: positions of the vertices.
+        cells: vertices of the cells.
+        pixels: number of pixels per length.
+    """
+    sides = x[cells[:, 0]] - x[cells[:, 1]]
+    return bool(np.linalg.norm(sides, axis=1).mean() * pixels > _DENSE)
+
+
+def shade(
+    axes: Axes,
+    x: Array,
+    cells: Cells,
+    values: npt.NDArray[Any],
+    *,
+    width: float,
+    alpha: float,
+    **look: Any,
+) -> Any:
+    """Draw a field on triangles or quadrilaterals in 2D, and the edges of the cells.
+
+    Matplotlib interpolates colours, which on coarse meshes are not those of the colour bar. So the
+    field is interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, since a
+    diagonal would make a symmetric field asymmetric.
+
+    Args:
+        axes: axes.
+        x: positions of the vertices, shape (n, 2).
+        cells: vertices of the cells.
+        values: field at the vertices, shape (n,).
+        width: line width of the edges; 0 for none.
+        alpha: opacity of the edges.
+        **look: options of ``Axes.tripcolor``.
+    """
+    from matplotlib import tri
+    from matplotlib.collections import PolyCollection
+
+    loop = around(cells)
+    outlines = dict(facecolors="none", edgecolors=INK, linewidths=width, alpha=alpha)
+    edges = PolyCollection(x[loop], **outlines)
+    if loop.shape[1] == 4:
+        middle = np.broadcast_to(len(x) + np.arange(len(loop))[:, None, None], (len(loop), 4, 1))
+        x = np.concatenate([x, x[loop].mean(axis=1)])
+        values = np.concatenate([values, values[loop].mean(axis=1)])
+        sides = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2)
+        loop = np.dstack([sides, middle]).reshape(-1, 3)
+    mesh = tri.Triangulation(*x.T, loop)
+    halved = int(np.clip(np.log(_MOST_TRIANGLES / len(loop)) / np.log(4), 0, _FINEST))
+    # bodies may overlap, so triangles are not searched
+    linear = tri.LinearTriInterpolator(mesh, values, tri.TriFinder(mesh))
+    mesh, field = tri.UniformTriRefiner(mesh).refine_field(values, linear, subdiv=halved)
+    shades = axes.tripcolor(mesh, np.ma.filled(field, np.nan), shading="gouraud", **look)
+    axes.add_collection(edges)
+    return shades

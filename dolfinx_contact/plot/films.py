@@ -31,9 +31,8 @@ from dolfinx_contact._validate import count, is_number
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.plot.bodies import draw_scene
-from dolfinx_contact.plot.figures import Drawing
-from dolfinx_contact.plot.in_2d import range_of
-from dolfinx_contact.plot.scene import Look, check_look, scene_of, words_of
+from dolfinx_contact.plot.figures import Drawing, title_of, words_of
+from dolfinx_contact.plot.scene import Look, check_look, framed, scene_of
 from dolfinx_contact.plot.tractions import check_surface, contact_data, draw_contact
 
 if TYPE_CHECKING:
@@ -132,14 +131,8 @@ def film(
     shots = _shots(problem, states, title, lambda p, words: scene_of(p, stress, scale, words, look))
 
     def drawings() -> Iterator[Drawing]:
-        # the same obstacles, visible box and colours in all frames
-        scenes = [scene for scene in shots if scene is not None]
-        every = np.concatenate([scene.x for scene in scenes])
-        scenes = [scene.with_obstacles_around(every) for scene in scenes]
-        visible = np.concatenate([scene.visible_points() for scene in scenes])
-        fields = [scene.values for scene in scenes if scene.values is not None]
-        limits = range_of(np.concatenate(fields)) if fields else None
-        return (draw_scene(scene, visible, limits, _WIDTH) for scene in scenes)
+        scenes = framed([scene for scene in shots if scene is not None])
+        return (draw_scene(scene, _WIDTH) for scene in scenes)
 
     return _written(problem.comm, file, drawings, rate, size)
 
@@ -216,8 +209,7 @@ def _shots(
             finite = bool(np.isfinite(problem.u.x.array).all())
             message = f"the displacement of state {len(shots)} has an entry that is not finite"
             require(comm, finite, message)
-            text = state if isinstance(state, str) else words_of(state)
-            words = ", ".join(filter(None, [title, text]))
+            words = title_of(title, state if isinstance(state, str) else words_of(state))
             with problem.at(state if isinstance(state, State) else None) as shown:
                 shots.append(gather(shown, words))
     finally:
@@ -275,7 +267,7 @@ def _pixels(drawing: Drawing, size: int) -> npt.NDArray[np.uint8]:
         from PIL import Image
 
         scale = int(np.ceil(size / _WIDTH))
-        found = Image.fromarray(drawing.screenshot(None, return_img=True, scale=scale))
+        found = Image.fromarray(drawing.screenshot(return_img=True, scale=scale))
         found.thumbnail((size, size))
         image = np.asarray(found)
         drawing.close()

@@ -7,16 +7,19 @@ import ctypes
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPlaneCollection
 
-from dolfinx_contact._geometry import unit
+from dolfinx_contact._arrays import Array
+from dolfinx_contact._geometry import tangential, unit
 from dolfinx_contact._install import optional
-from dolfinx_contact.plot.figures import FLOOR, INK, LINES, NOT_FINITE
-from dolfinx_contact.plot.in_2d import colours_of
-from dolfinx_contact.plot.scene import Array, Cells, Scene, around
+from dolfinx_contact.plot.figures import FLOOR, INK, LINES, NOT_FINITE, around
+from dolfinx_contact.plot.scene import Scene
+from dolfinx_contact.results.outer_surface import Cells
 
 __all__ = ["draw_3d", "ensure_display"]
 
@@ -24,11 +27,12 @@ _UP = np.eye(3)[2]
 _SHARP = 35.0  # angle between facets, in degrees, from which on their edge is sharp
 _RIM = dict(non_manifold_edges=False, manifold_edges=False)
 _HEAD, _FOOT, _SIDE = 70.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
+_SLACK = 10.0  # pixels around the visible points in which meshes are drawn
 _AHEAD = 1e-3  # distance from the edges to the facets, relative to the picture
 _TALL = 1000.0  # largest height of a body in pixels
 
-#: Normals and points.
-Planes: TypeAlias = list[tuple[Array, Array]]
+#: Point and normal of a plane.
+Plane: TypeAlias = tuple[Array, Array]
 
 #: Xvfb writes the number of its display to standard output. The shell waits until its standard
 #: input is closed, which happens when this process ends in any way, and then ends Xvfb. Without
@@ -40,202 +44,132 @@ _SERVE = (
 _servers: list[subprocess.Popen[bytes]] = []
 
 
-def draw_3d(
-    scene: Scene, visible: Array, limits: tuple[float, float] | None, width: int
-) -> pv.Plotter:
+def draw_3d(scene: Scene, width: int) -> pv.Plotter:
     """Draw bodies in 3D, see `draw_scene`. Actors have names such as ``"body"``."""
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
-    size = float(np.linalg.norm(np.ptp(visible, axis=0)))
-    eye = scene.eye if scene.eye is not None else _default_eye(scene, np.ptp(visible, axis=0))
-    frame = _frame(eye)
-    ends = _draw_arrows(plotter, scene, visible)
-    planes: Planes = []
-    if scene.clip is not None:
-        point, normal = scene.clip
-        if point is None:  # through the middle of the bodies or of the detail
-            inner = scene.x if scene.region is None else visible
-            point = (inner.min(axis=0) + inner.max(axis=0)) / 2
-        planes.append((normal, point))
-    if scene.region is None:
-        visible = np.concatenate([visible, ends])
-    else:  # nothing is drawn under the title and the colour bar
-        for axis in (*frame[:2], *-frame[:2]):
-            planes.append((axis, np.max(visible @ axis) * axis))
-    pixels = _set_camera(plotter, scene, visible, frame, width)
-    _draw_body(plotter, scene, limits, planes, pixels, _AHEAD * size * eye)
-    _draw_surfaces(plotter, scene, eye, size, planes)
+    eye = _default_eye(scene) if scene.view.eye is None else scene.view.eye
+    up = _UP if abs(eye @ _UP) < 0.99 else np.eye(3)[1]  # seen from above y points upwards
+    right = unit(np.cross(up, eye))
+    frame = np.stack([right, np.cross(eye, right), eye])
+    pixels = _set_camera(plotter, scene, frame, width)
+    ahead = _AHEAD * float(np.linalg.norm(np.ptp(scene.visible, axis=0))) * eye
+    section = _section(scene)
+    _draw_body(plotter, scene, section, scene.shows_edges(pixels), ahead)
+    _draw_surfaces(plotter, scene, eye)
+    _draw_arrows(plotter, scene)
+    # nothing in front of the section, under the title and the colour bar, and at the sides
+    seen = scene.visible
+    planes = [
+        ((np.max(seen @ axis) + _SLACK / pixels) * axis, axis) for axis in (*frame[:2], *-frame[:2])
+    ]
+    if section is not None:
+        planes.append((section[0] + 2 * ahead, section[1]))
+    _hide(plotter, planes)
+    _draw_scale(plotter, scene.view.units.get("length", ""), frame, pixels)
     plotter.add_text(scene.title, position="upper_edge", color=INK, font_size=13, name="title")
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
     # of anti-aliasing switch this off
-    plotter.renderer.enable_depth_peeling(10)
+    plotter.renderer.enable_depth_peeling(number_of_peels=10)
     plotter.enable_anti_aliasing("fxaa")
     return plotter
 
 
+# -- bodies and obstacles --------------------------------------------------------------------------
+
+
 def _draw_body(
-    plotter: pv.Plotter, scene: Scene, limits: Any, planes: Planes, pixels: float, ahead: Array
+    plotter: pv.Plotter,
+    scene: Scene,
+    section: Plane | None,
+    every: bool,
+    ahead: Array,
 ) -> None:
     """Draw bodies in the colours of a field or of their connected parts, with edges.
 
     Args:
         plotter: plotter.
         scene: bodies and obstacles.
-        limits: ends of the colours, default those of the scene.
-        planes: normals and points of planes, in front of which nothing is drawn; the first one is
-            the section, if there is one.
-        pixels: number of pixels per length.
+        section: plane of the section.
+        every: whether the edges of all cells are drawn, or sharp ones and those of the section.
         ahead: translation of the edges to the eye, so that they are in front of the facets.
     """
-    values, colours, ends = colours_of(scene.cells, len(scene.x), scene.values, limits)
-    whole = (_facets if scene.clip is None else _solid)(scene.x, scene.cells)
+    values, colours, ends = scene.colours()
+    whole = (_facets if section is None else _solid)(scene.x, scene.cells)
     whole["field"] = values
-    body = _clipped(whole, planes).extract_surface()
-    # edges of all cells, or sharp ones and those of the section
-    every = scene.shows_edges(pixels)
-    edges = _clipped(_edges(whole.extract_surface(), every), planes)
-    if scene.clip is not None:
-        normal, point = planes[0]
-        section = whole.slice(normal=normal, origin=point)
-        edges = edges.merge(_clipped(_edges(section, every), planes[1:]))
+    # shading hardly changes the colours
+    style: dict[str, Any] = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=_SHARP)
+    style |= dict(specular=0.0, ambient=0.72, diffuse=0.32, show_scalar_bar=False)
+    style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
+    body = whole if section is None else whole.clip(origin=section[0], normal=section[1])
+    plotter.add_mesh(body.extract_surface(), name="body", **style)
+    if scene.values is not None:
+        _add_colour_bar(plotter, scene.label, ends)
+    edges = _edges(whole.extract_surface(), every)
+    if section is not None:
+        edges = edges.merge(_edges(whole.slice(origin=section[0], normal=section[1]), every))
     if edges.n_points:
         look = dict(opacity=0.3, line_width=1.0) if every else dict(opacity=1.0, line_width=1.5)
         plotter.add_mesh(edges.translate(ahead), color=INK, lighting=False, name="edges", **look)
-    # shading hardly changes the colours
-    style: dict[str, Any] = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=_SHARP)
-    style |= dict(specular=0.0, ambient=0.72, diffuse=0.32)
-    bar = dict(title=f"{scene.label}\n", color=INK, fmt="%.3g", n_labels=5, title_font_size=22)
-    bar |= dict(position_x=0.28, width=0.44, position_y=0.02, height=0.08, label_font_size=20)
-    style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
-    with_bar = scene.values is not None
-    plotter.add_mesh(body, name="body", show_scalar_bar=with_bar, scalar_bar_args=bar, **style)
 
 
-def _draw_surfaces(
-    plotter: pv.Plotter, scene: Scene, eye: Array, size: float, planes: Planes
-) -> None:
+def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) -> None:
+    """Add the colour bar of the last mesh, with round numbers."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = ends
+    many = 5 if 1e-3 <= max(-low, high) < 1e5 else 3  # fewer with exponents, which are wide
+    ticks = MaxNLocator(many, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high) + 0.0  # no -0
+    slack = 1e-9 * (high - low)
+    ticks = ticks[(low - slack <= ticks) & (ticks <= high + slack)]
+    digits = max(5, 2 + int(np.log10(np.abs(ticks).max() / np.diff(ticks).min())))
+    look: dict[str, Any] = dict(color=INK, fmt=f"%.{digits}g", title_font_size=22)
+    look |= dict(position_x=0.27, width=0.46, position_y=0.02, height=0.08, label_font_size=20)
+    bar = plotter.add_scalar_bar(title=f"{label}\n", **look)
+    bar.SetCustomLabels(pv.convert_array(ticks, deep=True))
+    bar.SetUseCustomLabels(True)
+
+
+def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
     """Draw the rims of contact surfaces, and the obstacles."""
     # the rims of contact surfaces: thick for slaves, thin for masters
-    rims = [(cells, 0.0025) for cells in scene.slaves] + [
-        (cells, 0.0012) for cells in scene.masters
-    ]
+    size = float(np.linalg.norm(np.ptp(scene.visible, axis=0)))
+    rims = [(cells, 0.0025 * size) for cells in scene.slaves]
+    rims += [(cells, 0.0012 * size) for cells in scene.masters]
     for i, (cells, radius) in enumerate(rims):
         rim = _facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM)
-        rim = _clipped(rim, planes)
         if rim.n_points:
-            plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
+            plotter.add_mesh(rim.tube(radius=radius), color=INK, name=f"rim {i}")
     words = "\n\nblack: rims of the contact surfaces" if rims else ""  # below the title
     plotter.add_text(words, position="upper_edge", font_size=9, color=INK, name="legend")
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
         # normals of one sense, whatever the order of the vertices of the facets
         patch = _facets(o.x, o.cells).compute_normals(consistent_normals=True)
-        patch = _clipped(patch, planes)
-        if not patch.n_points:
-            continue
         look: dict[str, Any] = dict(opacity=0.3 if np.any(o.n @ eye > 0.05) else 0.75, ambient=0.3)
         look |= dict(smooth_shading=True, split_sharp_edges=True, specular=0.0)
         plotter.add_mesh(patch, color=FLOOR, name=f"obstacle {i}", **look)
-        edges = patch.extract_feature_edges(30, **_RIM)
+        edges = _edges(patch, every=False)
         if edges.n_points:
             plotter.add_mesh(edges, color="#7d858c", line_width=2.5, name=f"outline {i}")
 
 
-def _draw_arrows(plotter: pv.Plotter, scene: Scene, visible: Array) -> Array:
-    """Draw arrows, with the magnitude of the longest one of each name; return their ends."""
-    ends = [np.zeros((0, 3))]
+def _draw_arrows(plotter: pv.Plotter, scene: Scene) -> None:
+    """Draw arrows, with their legends at the upper left."""
     shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
-    for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(visible).items()):
+    for i, (label, (points, vectors)) in enumerate(scene.view.arrows.items()):
         cloud = pv.PolyData(points)
         cloud["vectors"] = vectors
         glyphs = cloud.glyph(orient="vectors", scale="vectors", geom=shape)
-        name, colour = list(scene.arrows)[i], LINES[i % len(LINES)]
+        name, colour = label.rpartition(" (")[0], LINES[i % len(LINES)]
         plotter.add_mesh(glyphs, color=colour, ambient=0.4, name=f"arrow {name}")
         place: dict[str, Any] = dict(position=(0.02, 0.94 - 0.05 * i), viewport=True, font_size=12)
         plotter.add_text(label, color=colour, name=f"label {name}", **place)
-        ends += [points, points + vectors]
-    return np.concatenate(ends)
-
-
-def _edges(facets: Any, every: bool) -> Any:
-    """Return the edges of facets: every one, or sharp ones and those of the boundary."""
-    return facets.extract_all_edges() if every else facets.extract_feature_edges(_SHARP, **_RIM)
-
-
-def _clipped(data: Any, planes: Planes) -> Any:
-    """Return a mesh without the parts in front of planes."""
-    for normal, point in planes:
-        data = data.clip(normal=normal, origin=point)
-    return data
-
-
-def _frame(eye: Array) -> Array:
-    """Return the unit vectors to the right, upwards and towards the viewer, shape (3, 3)."""
-    up = _UP if abs(eye @ _UP) < 0.99 else np.eye(3)[1]  # seen from above y points upwards
-    right = unit(np.cross(up, eye))
-    return np.stack([right, np.cross(eye, right), eye])
-
-
-def _set_camera(
-    plotter: pv.Plotter, scene: Scene, points: Array, frame: Array, width: float
-) -> float:
-    """Look at points so that they fill the picture, and draw axes and a scale bar.
-
-    Args:
-        plotter: plotter.
-        scene: bodies and obstacles.
-        points: points that must be visible, shape (n, 3).
-        frame: see `_frame`.
-        width: largest width of the picture in pixels.
-
-    Returns:
-        Number of pixels per length.
-    """
-    right, _, eye = frame
-    seen = points @ frame.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    extent = high - low
-    tall = min(width - _HEAD - _FOOT, _TALL)
-    pixels = min((width - 2 * _SIDE) / extent[0], tall / extent[1])
-    window = np.maximum(pixels * extent[:2] + [2 * _SIDE, _HEAD + _FOOT], [700, 450])
-    plotter.window_size = round(window[0]), round(window[1])
-    depth = float(np.linalg.norm(np.ptp(np.concatenate([points, scene.x]), axis=0)))
-    focus = (low + high) / 2 + [0.0, (_HEAD - _FOOT) / 2 / pixels, 0.0]
-    plotter.camera_position = [focus @ frame + 3 * depth * eye, focus @ frame, frame[1]]
-    plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = window[1] / 2 / pixels
-    plotter.camera.clipping_range = 0.01 * depth, 10 * depth
-    plotter.add_axes(viewport=(0.0, 0.0, *(_FOOT / window)), line_width=3)
-    # a scale bar of a round length, in front of everything at the lower right
-    longest = 0.2 * window[0] / pixels
-    lengths = 10.0 ** np.floor(np.log10(longest)) * np.array([1, 2, 5])
-    length = lengths[lengths <= longest][-1]
-    end = focus + np.array([window[0] / 2 - 40, 60 - window[1] / 2, 0.0]) / pixels
-    end = end @ frame + 2 * depth * eye
-    line = pv.Line(end - length * right, end)
-    plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
-    left = [window[0] - 40 - length * pixels, 30] / window
-    words = f"{length:g} {scene.unit}".strip()
-    look: dict[str, Any] = dict(viewport=True, font_size=10, color=INK, name="scale")
-    plotter.add_text(words, position=left, **look)
-    return float(pixels)
-
-
-def _default_eye(scene: Scene, extent: Array) -> Array:
-    """Return the unit vector from the body to the eye: obliquely from above, into a section."""
-    along = np.eye(3)[np.argmax(extent[:2])]
-    across = np.cross(_UP, along)
-    if scene.clip is None:
-        return unit(0.5 * along - across + 0.33 * _UP)
-    n = scene.clip[1]
-    if abs(n @ _UP) > 0.9:  # a horizontal section is seen from above or below
-        return unit(1.2 * n + 0.25 * along - 0.7 * across)
-    return unit(n + 0.35 * unit(np.cross(n, _UP)) + 0.33 * _UP)
 
 
 def _facets(x: Array, cells: Cells) -> Any:
-    """Triangles or quadrilaterals as a mesh of PyVista."""
+    """Return triangles or quadrilaterals as a PyVista mesh."""
     return pv.PolyData.from_regular_faces(x, around(cells))
 
 
@@ -244,6 +178,101 @@ def _solid(x: Array, cells: Cells) -> Any:
     kind = pv.CellType.TETRA if cells.shape[1] == 4 else pv.CellType.HEXAHEDRON
     order = cells if cells.shape[1] == 4 else cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
     return pv.UnstructuredGrid({kind: order}, x)
+
+
+def _edges(facets: Any, every: bool) -> Any:
+    """Return the edges of facets: every one, or sharp ones and those of the boundary."""
+    if every:
+        return facets.extract_all_edges()
+    return facets.extract_feature_edges(feature_angle=_SHARP, **_RIM)
+
+
+def _section(scene: Scene) -> Plane | None:
+    """Return the plane of the section, by default in the middle of the bodies or of the region."""
+    if scene.view.clip is None:
+        return None
+    point, normal = scene.view.clip
+    if point is None:
+        inner = scene.x if scene.view.region is None else scene.visible
+        point = (inner.min(axis=0) + inner.max(axis=0)) / 2
+    return point, normal
+
+
+def _hide(plotter: pv.Plotter, planes: Sequence[Plane]) -> None:
+    """Hide the parts of all meshes on the side of the normals of planes."""
+    hidden = vtkPlaneCollection()
+    for point, normal in planes:
+        plane = vtkPlane()
+        plane.SetOrigin(point)
+        plane.SetNormal(-normal)
+        hidden.AddItem(plane)
+    for actor in plotter.actors.values():
+        if isinstance(actor, pv.Actor):
+            actor.mapper.SetClippingPlanes(hidden)
+
+
+# -- camera ----------------------------------------------------------------------------------------
+
+
+def _default_eye(scene: Scene) -> Array:
+    """Return the unit vector from the body to the eye: obliquely from above, into a section."""
+    wide, deep, _ = np.ptp(scene.x, axis=0)
+    along = np.eye(3)[int(deep > 1.1 * wide)]
+    oblique = 0.5 * along - np.cross(_UP, along) + 0.33 * _UP
+    if scene.view.clip is None:
+        return unit(oblique)
+    _, normal = scene.view.clip
+    return unit(normal + 0.6 * tangential(oblique, normal))
+
+
+def _set_camera(plotter: pv.Plotter, scene: Scene, frame: Array, width: float) -> float:
+    """Let the visible points fill the picture; return the number of pixels per length.
+
+    Args:
+        plotter: plotter.
+        scene: bodies and obstacles.
+        frame: unit vectors to the right, upwards and towards the viewer, shape (3, 3).
+        width: largest width of the picture in pixels.
+    """
+    seen = scene.visible @ frame.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    extent = high - low
+    tall = min(width - _HEAD - _FOOT, _TALL)
+    pixels = min((width - 2 * _SIDE) / extent[0], tall / extent[1])
+    window = np.maximum(pixels * extent[:2] + [2 * _SIDE, _HEAD + _FOOT], [700, 450])
+    plotter.window_size = round(window[0]), round(window[1])
+    focus = (low + high) / 2 + np.array([0.0, (_HEAD - _FOOT) / 2 / pixels, 0.0])
+    everything = np.concatenate([scene.visible, scene.x, *(o.x for o in scene.obstacles)])
+    depth = float(np.linalg.norm(np.ptp(everything, axis=0)))
+    eye = focus @ frame + 3 * depth * frame[2]
+    plotter.camera_position = [eye, focus @ frame, frame[1]]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = window[1] / 2 / pixels
+    plotter.camera.clipping_range = 0.01 * depth, 10 * depth
+    plotter.add_axes(viewport=(0.0, 0.0, *(_FOOT / window)), line_width=3)
+    return float(pixels)
+
+
+def _draw_scale(plotter: pv.Plotter, unit_of_length: str, frame: Array, pixels: float) -> None:
+    """Draw a bar of a round length in front of everything at the lower right.
+
+    Args:
+        plotter: plotter with its camera.
+        unit_of_length: unit in the label.
+        frame: see `_set_camera`.
+        pixels: number of pixels per length.
+    """
+    window = np.array(plotter.window_size)
+    longest = 0.2 * window[0] / pixels
+    lengths = 10.0 ** np.floor(np.log10(longest)) * np.array([1, 2, 5])
+    length = lengths[lengths <= longest][-1]
+    end = np.array([window[0] / 2 - 40, 60 - window[1] / 2, 0.0]) / pixels @ frame
+    end += (2 * np.array(plotter.camera.position) + plotter.camera.focal_point) / 3
+    line = pv.Line(pointa=end - length * frame[0], pointb=end)
+    plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
+    left = [window[0] - 40 - length * pixels, 30] / window
+    look: dict[str, Any] = dict(viewport=True, font_size=10, color=INK, name="scale")
+    plotter.add_text(f"{length:g} {unit_of_length}".strip(), position=left, **look)
 
 
 # -- display ---------------------------------------------------------------------------------------

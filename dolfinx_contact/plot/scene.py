@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from inspect import Parameter, signature
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from inspect import unwrap
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
 
@@ -15,31 +15,27 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._geometry import by_coordinates, dot, unit
+from dolfinx_contact._arrays import Array
+from dolfinx_contact._geometry import by_coordinates, connected_parts, dot, unit
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import flag, number, one_of, vector
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
-from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
-from dolfinx_contact.plot.drawn_obstacles import DrawnObstacle, Formula, formula_of
-from dolfinx_contact.results.outer_surface import Arrays
+from dolfinx_contact.io.outside import Outside, VertexMeans
+from dolfinx_contact.plot.drawn_obstacles import DrawnObstacle, obstacle_of
+from dolfinx_contact.plot.figures import NOT_FINITE, are_distinct, title_of, with_unit
+from dolfinx_contact.results.outer_surface import Arrays, Cells
 
 if TYPE_CHECKING:
     from dolfinx import mesh
 
-    from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.results.tables import ContactTable
 
-__all__ = [
-    *("Look", "Scene", "are_distinct", "around", "check_look", "check_units", "scene_of"),
-    *("with_unit", "words_of"),
-]
+__all__ = ["Look", "Scene", "check_look", "check_units", "framed", "scene_of"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int64]
 #: An axis by its name, with a sign, or a vector.
 ViewDirection: TypeAlias = str | Sequence[float]
 
@@ -48,10 +44,12 @@ _AXES: dict[str, Array] = {
     for name, axis in zip("xyz", np.eye(3), strict=True)
     for sign, factor in (("", 1.0), ("-", -1.0))
 }
-_PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
+_TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies without a field
+_FIELD = "Spectral_r"  # colour map of fields
 _OVERLAP = 0.005  # visible overlap of a magnified body and an obstacle, relative to the body
-_DENSE = 20.0  # size of cells in pixels below which their edges would hide the colours
 _ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
+_RIM = 0.1  # width of the visible rim around the bodies, relative to their size
+_LARGE = 1.2  # size of an obstacle from which on a part may be invisible, relative to the bodies
 _DRAWN_THROUGH = (
     "%r is drawn through its obstacle: the displacement is magnified %g times, the initial gap is "
     "not"
@@ -90,6 +88,29 @@ class Look(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
+class View:
+    """Validated options of a picture, see `Look`.
+
+    Attributes:
+        field: UFL scalar, "displacement", or None.
+        eye: unit vector from the body towards the viewer; None for the default.
+        clip: point (None for the middle) and unit normal of a section; None for no section.
+        arrows: points and vectors by name, shape (2, k, dim) each.
+        region: lower and upper corner of the visible box, shape (2, dim); None for everything.
+        edges: whether the edges of the cells are drawn; None for the default.
+        units: units of "length" and "stress".
+    """
+
+    field: Any
+    eye: Array | None
+    clip: tuple[Array | None, Array] | None
+    arrows: Mapping[str, Array]
+    region: Array | None
+    edges: bool | None
+    units: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Scene:
     """Bodies and obstacles in one state, as they are drawn.
 
@@ -102,85 +123,89 @@ class Scene:
         values: field at the vertices, shape (n,); None without a field.
         label: label of the field.
         title: title of the picture.
+        view: options of the picture.
         points: positions of the contact points of tables that are vertices, shape (m, dim).
         letters: letters of their statuses.
-        eye: unit vector from the body towards the viewer; None for the default.
-        clip: point (None for the middle) and unit normal of a section; None for no section.
-        arrows: points and vectors by name, shape (2, k, dim) each.
-        region: opposite corners of the visible box, shape (2, dim); None for everything.
-        edges: whether the edges of the cells are drawn; None for the default.
-        unit: unit of lengths; "" without one.
+        visible: points that must be visible, shape (k, dim); see `framed`.
+        limits: ends of the colours of the field; see `framed`.
     """
 
     x: Array
     cells: Cells
-    slaves: list[Cells]
-    masters: list[Cells]
-    obstacles: list[DrawnObstacle]
+    slaves: Sequence[Cells]
+    masters: Sequence[Cells]
+    obstacles: Sequence[DrawnObstacle]
     values: Array | None
     label: str
     title: str
+    view: View
     points: Array
-    letters: str = ""
-    eye: Array | None = None
-    clip: tuple[Array | None, Array] | None = None
-    arrows: dict[str, Array] = field(default_factory=dict)
-    region: Array | None = None
-    edges: bool | None = None
-    unit: str = ""
+    letters: str
+    visible: Array
+    limits: tuple[float, float] = (0.0, 1.0)
 
-    def with_obstacles_around(self, points: Array) -> Scene:
-        """Return the scene with its obstacles drawn around points (n, dim)."""
-        return replace(self, obstacles=[o.around(points) for o in self.obstacles])
+    def colours(self) -> tuple[npt.NDArray[Any], Any, tuple[float, float]]:
+        """Return values at the vertices, their colour map, and the ends of the colours.
 
-    def visible_points(self) -> Array:
-        """Return the points that must be visible, shape (m, dim)."""
-        if self.region is not None:
-            return np.array(list(product(*self.region.T)))
-        return np.concatenate([self.x, *(o.x for o in self.obstacles)])
+        Without a field, the values are numbers of tints of connected parts.
+        """
+        from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap
+
+        if self.values is not None:
+            return self.values, colormaps[_FIELD].with_extremes(bad=NOT_FINITE), self.limits
+        links = self.cells[:, :-1].ravel(), self.cells[:, 1:].ravel()
+        tints = connected_parts(len(self.x), *links) % len(_TINTS)
+        return tints, ListedColormap(_TINTS), (-0.5, len(_TINTS) - 0.5)
 
     def shows_edges(self, pixels: float) -> bool:
         """Return whether the edges of the cells are drawn, given the pixels per length."""
-        return are_distinct(self.x, self.cells, pixels) if self.edges is None else self.edges
-
-    def scaled_arrows(self, visible: Array) -> dict[str, Array]:
-        """Return points and vectors of the arrows in the lengths of the picture, by legend."""
-        length = _ARROW * float(np.linalg.norm(np.ptp(visible, axis=0)))
-        found = {}
-        for name, (points, vectors) in self.arrows.items():
-            longest = float(np.linalg.norm(vectors, axis=1).max())
-            scaled = np.stack([points, length / (longest or 1.0) * vectors])
-            found[f"{name} ({longest:.3g})"] = scaled
-        return found
+        edges = self.view.edges
+        return are_distinct(self.x, self.cells, pixels) if edges is None else edges
 
 
-def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
-    """Return whether the edges of cells are so far apart that they do not hide the colours.
+def framed(scenes: Sequence[Scene]) -> list[Scene]:
+    """Return scenes with the same frame and colours, and with obstacles drawn around all bodies.
 
-    Args:
-        x: positions of the vertices.
-        cells: vertices of the cells.
-        pixels: number of pixels per length.
+    The bodies fill the picture. Obstacles of their size are visible as a whole, larger ones in a
+    rim around the bodies. The longest arrow of each name has the same length.
     """
-    sides = x[cells[:, 0]] - x[cells[:, 1]]
-    return bool(np.linalg.norm(sides, axis=1).mean() * pixels > _DENSE)
+    x = np.concatenate([scene.x for scene in scenes])
+    low, high = x.min(axis=0), x.max(axis=0)
+    size = float(np.max(high - low))
+    scenes = [replace(s, obstacles=[o.around(x) for o in s.obstacles]) for s in scenes]
+    # points that must be visible
+    view = scenes[0].view
+    parts = [x]
+    for part in [o.x for scene in scenes for o in scene.obstacles]:
+        is_large = bool(np.max(np.ptp(part, axis=0)) > _LARGE * size)
+        parts.append(np.clip(part, low - _RIM * size, high + _RIM * size) if is_large else part)
+    if view.region is not None:
+        parts = [np.array(list(product(*view.region.T)))]
+    # arrows in the lengths of the picture, named with the magnitude of the longest one
+    length = _ARROW * float(np.linalg.norm(np.ptp(np.concatenate(parts), axis=0)))
+    arrows = {}
+    for name, (points, vectors) in view.arrows.items():
+        longest = float(np.linalg.norm(vectors, axis=1).max())
+        scaled = length / (longest or 1.0) * vectors
+        arrows[f"{name} ({longest:.3g})"] = np.stack([points, scaled])
+        if view.region is None:
+            parts += [points, points + scaled]
+    values = [scene.values for scene in scenes if scene.values is not None]
+    common: dict[str, Any] = dict(
+        view=replace(view, arrows=arrows),
+        visible=np.concatenate(parts),
+        limits=_limits(np.concatenate(values)) if values else (0.0, 1.0),
+    )
+    return [replace(scene, **common) for scene in scenes]
 
 
-def around(cells: Cells) -> Cells:
-    """Return vertices of segments, triangles or quadrilaterals in the order around the cell."""
-    return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
-
-
-def words_of(state: State | None) -> str:
-    """Return the load or the time of a state for a title; "" if there is none."""
-    if state is None or (state.gamma is None and state.time is None):
-        return ""
-    return f"time {state.time:.4g}" if state.gamma is None else f"gamma {state.gamma:.4g}"
-
-
-def with_unit(label: str, unit: str | None) -> str:
-    """Return a label with its unit, if there is one."""
-    return f"{label} [{unit}]" if unit else label
+def _limits(values: Array) -> tuple[float, float]:
+    """Return the smallest and largest finite value, made different."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    low = 0.0 if abs(low) < 1e-9 * high else low  # no digits of round-off at a bar
+    return (low, high) if high > low else (low, low + (abs(low) or 1.0))
 
 
 # -- validation ----------------------------------------------------------------------------------
@@ -192,15 +217,39 @@ def check_units(units: Mapping[str, str] | None) -> None:
         one_of(quantity, "the quantity of a unit", ("length", "stress"))
 
 
-def check_look(function: Callable[..., Any], look: Mapping[str, Any]) -> None:
+def check_look(function: Any, look: Mapping[str, Any]) -> None:
     """Raise ``TypeError`` if a function of pictures has no option of a name."""
-    own = signature(function).parameters.values()
-    options = [p.name for p in own if p.kind is Parameter.KEYWORD_ONLY]
-    options += Look.__annotations__
+    options = [*unwrap(function).__kwdefaults__, *Look.__annotations__]
     for name in look:
         if name not in options:
             known = ", ".join(options)
             raise TypeError(f"{function.__name__} has no option {name!r}; its options are {known}")
+
+
+def _view_of(look: Mapping[str, Any], domain: mesh.Mesh) -> View:
+    """Validate the options of a picture."""
+    dim = domain.geometry.dim
+    field, view, clip = look.get("field"), look.get("view"), look.get("clip")
+    region, edges, units = look.get("region"), look.get("edges"), look.get("units") or {}
+    if dim == 2 and not (view is None and clip is None):
+        raise ValueError("view and clip are for bodies in 3D")
+    if not (field is None or (isinstance(field, str) and field == "displacement")):
+        if not isinstance(field, ufl.core.expr.Expr) or field.ufl_shape != ():
+            raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
+        refuse_other_mesh(field, domain, "the field")
+    if edges is not None:
+        flag(edges, "edges")
+    check_units(units)
+    arrows: Mapping[str, tuple[Any, Any]] = look.get("arrows") or {}
+    return View(
+        field=field,
+        eye=None if view is None else _direction(view, "view"),
+        clip=None if clip is None else _plane(clip),
+        arrows={name: _arrows(name, *arrow, dim) for name, arrow in arrows.items()},
+        region=None if region is None else _box(region, dim),
+        edges=edges,
+        units=units,
+    )
 
 
 def _direction(value: Any, name: str) -> Array:
@@ -235,15 +284,6 @@ def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
     return arrows
 
 
-def _check_field(field: Any, domain: mesh.Mesh) -> None:
-    """Raise ``ValueError`` if a field is neither "displacement" nor a UFL scalar of the mesh."""
-    if field is None or (isinstance(field, str) and field == "displacement"):
-        return
-    if not isinstance(field, ufl.core.expr.Expr) or field.ufl_shape != ():
-        raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
-    refuse_other_mesh(field, domain, "the field")
-
-
 # -- gathering -----------------------------------------------------------------------------------
 
 
@@ -271,67 +311,57 @@ def scene_of(
     Raises:
         ValueError: on every rank, if an argument is not admissible.
     """
-    domain = problem.V.mesh
-    dim = domain.geometry.dim
-    field, view, clip = look.get("field"), look.get("view"), look.get("clip")
-    region, edges, units = look.get("region"), look.get("edges"), look.get("units") or {}
     with everywhere(problem.comm, "the look of a picture"):
         scale = number(scale, "the scale of the displacement")
-        if dim == 2 and not (view is None and clip is None):
-            raise ValueError("view and clip are for bodies in 3D")
-        eye = None if view is None else _direction(view, "view")
-        plane = None if clip is None else _plane(clip)
-        vectors = look.get("arrows") or {}
-        arrows = {name: _arrows(name, *arrow, dim) for name, arrow in vectors.items()}
-        box = None if region is None else _box(region, dim)
-        if edges is not None:
-            flag(edges, "edges")
-        check_units(units)
-        _check_field(field, domain)
-    # gather bodies, contact surfaces and obstacles
+        view = _view_of(look, problem.V.mesh)
     outside = Outside(problem)
-    label, local = _field_at_vertices(problem, outside, stress, field, units)
-    body = outside.gather(local, whole=clip is not None)
-    slaves, masters = outside.faces()
+    label, local = _field_at_vertices(problem, outside, stress, view)
+    body = outside.gather(local, whole=view.clip is not None)
+    slaves, masters = outside.faces(body)
     rigid = [s for s in problem.surfaces if not s.between_bodies]
-    facets = {s.name: (obstacle_facets(s), formula_of(domain, s, scale)) for s in rigid}
+    obstacles = {s.name: obstacle_of(s, scale) for s in rigid}
     if not body:
         return None
-    # draw them at their displaced positions
+    x = body["x"][:, : problem.V.mesh.geometry.dim] + scale * body["u"]
     if scale != 1:
-        title = ", ".join(filter(None, [title, f"displacement x {scale:g}"]))
-    x = body["x"][:, :dim] + scale * body["u"]
-    size = float(np.max(np.ptp(body["x"], axis=0)))
+        title = title_of(title, f"displacement x {scale:g}")
+        _warn_of_overlaps(obstacles, x, slaves, scale)
     values = body.get("field")
     if values is not None and not np.isfinite(values).all():
         label += " (grey: not a number)"
-    slaves, masters = (
-        {name: np.searchsorted(body["nodes"], corners) for name, corners in faces.items()}
-        for faces in (slaves, masters)
-    )
-    obstacles = [
-        _obstacle(name, face, formula, x[np.unique(slaves[name])], scale, size)
-        for name, (face, formula) in facets.items()
-    ]
     points, letters = _points_at_vertices(body, x, slaves, tables)
     return Scene(
         x=x,
         cells=body["cells"],
         slaves=list(slaves.values()),
         masters=list(masters.values()),
-        obstacles=obstacles,
+        obstacles=list(obstacles.values()),
         values=values,
         label=label,
         title=title,
+        view=view,
         points=points,
         letters=letters,
-        eye=eye,
-        clip=plane,
-        arrows=arrows,
-        region=box,
-        edges=edges,
-        unit=units.get("length", ""),
+        visible=x,
     )
+
+
+def _warn_of_overlaps(
+    obstacles: Mapping[str, DrawnObstacle], x: Array, slaves: Mapping[str, Cells], scale: float
+) -> None:
+    """Warn if a magnified body is drawn through an obstacle.
+
+    Args:
+        obstacles: obstacles by the name of the contact surface.
+        x: positions of the displaced vertices, shape (n, dim).
+        slaves: vertices of the facets of each contact surface, by name.
+        scale: factor of the displacement.
+    """
+    size = float(np.max(np.ptp(x, axis=0)))
+    for name, o in obstacles.items():
+        depths = dot(x[np.unique(slaves[name])] - o.x, o.n) if o.is_opposite else 0.0
+        if np.max(depths, initial=0.0) > _OVERLAP * size:
+            logger.warning(_DRAWN_THROUGH, name, scale)
 
 
 def _points_at_vertices(
@@ -356,31 +386,8 @@ def _points_at_vertices(
     return np.concatenate(points), letters
 
 
-def _obstacle(
-    name: str, face: Arrays, formula: Formula | None, opposite: Array, scale: float, size: float
-) -> DrawnObstacle:
-    """Return an obstacle as it is drawn; warn if a magnified body is drawn through it.
-
-    Args:
-        name: name of the contact surface.
-        face: facets of the obstacle, see `obstacle_facets`.
-        formula: its formula, see `formula_of`.
-        opposite: positions of the vertices of the contact surface, shape (k, dim).
-        scale: factor of the motion.
-        size: size of the body.
-    """
-    n = unit(face["n"])
-    x = face["floor"][:, : n.shape[1]] + scale * face["moved"]
-    if len(n) != len(opposite) or not len(n):  # a rigid surface with facets of its own
-        return DrawnObstacle(x, face["cells"], n)
-    if scale != 1 and np.max(dot(opposite - x, n)) > _OVERLAP * size:
-        logger.warning(_DRAWN_THROUGH, name, scale)
-    is_plane = bool(np.ptp(n, axis=0).max() < _PLANE)
-    return DrawnObstacle(x, face["cells"], n, is_plane, formula)
-
-
 def _field_at_vertices(
-    problem: ContactProblem, outside: Outside, stress: Any, field: Any, units: Mapping[str, str]
+    problem: ContactProblem, outside: Outside, stress: Any, view: View
 ) -> tuple[str, dict[str, Array]]:
     """Return the label of the field, and its values at the local vertices as "field". Collective.
 
@@ -388,20 +395,19 @@ def _field_at_vertices(
     """
     tags = check_stress(problem, stress)
     rule: dict[str, Any] = {"quadrature_rule": "vertex"}
-    scalars: dict[int | None, Any]
-    if isinstance(field, str):
-        label = with_unit(field, units.get("length"))
+    scalars: dict[int | None, Any] = {None: view.field}
+    if isinstance(view.field, str):
+        label = with_unit(view.field, view.units.get("length"))
         scalars = {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
-    elif field is not None:
-        label = getattr(field, "name", "field")
-        scalars = {None: field}
+    elif view.field is not None:
+        label = getattr(view.field, "name", "field")
     elif stress is not None:
-        label = with_unit("von Mises stress", units.get("stress"))
+        label = with_unit("von Mises stress", view.units.get("stress"))
         rule = {"quadrature_degree": 2}
         stresses = stress if isinstance(stress, Mapping) else {None: stress}
         scalars = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
     else:
         return "", {}
     scalars = {tag: of_cells(e, problem.V.mesh) for tag, e in scalars.items()}
-    means = VertexMeans(outside.V, scalars, tags if field is None else None, **rule)()
+    means = VertexMeans(outside.V, scalars, tags if view.field is None else None, **rule)()
     return label, {"field": np.where(np.isfinite(means), means, np.nan)}

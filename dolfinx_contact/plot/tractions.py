@@ -8,13 +8,14 @@ it is straight or if the user names the coordinate, otherwise over its arc lengt
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._arrays import Mask, as_text
+from dolfinx_contact._arrays import Array, as_text
 from dolfinx_contact._geometry import (
     along_tangent,
     area_vectors,
@@ -31,20 +32,17 @@ from dolfinx_contact.plot.figures import (
     INK,
     File,
     add_status_legend,
-    drawn_on_root,
-    new_figure,
-)
-from dolfinx_contact.plot.in_2d import shade
-from dolfinx_contact.plot.scene import (
-    Array,
-    Cells,
     are_distinct,
     around,
-    check_units,
+    drawn_on_root,
+    new_figure,
+    shade,
+    title_of,
     with_unit,
     words_of,
 )
-from dolfinx_contact.results.outer_surface import Arrays
+from dolfinx_contact.plot.scene import check_units
+from dolfinx_contact.results.outer_surface import Arrays, Cells
 from dolfinx_contact.results.surface_fields import contact_fields, vertex_state
 
 if TYPE_CHECKING:
@@ -62,6 +60,8 @@ _LITTLE = 1e-6  # relative to the largest traction
 _TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 1e-6  # height over length up to which a curve is drawn over its coordinate
 _PANEL = 800.0  # pixels of the longer side of a map, about
+_FLAT = 0.3  # smallest height over width of a map; a longer surface is stretched
+_ARROWS = 28  # number of arrows along the width of a map
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
 
 
@@ -94,11 +94,11 @@ def picture_of_contact(
     normal where it touches. In 2D the tractions and the friction bound are drawn over the
     coordinate of a straight surface, and over the arc length of a curved one; for a law with bonds
     also the frictional part of the shear, to which the bound applies. The shear has the sign of
-    `ContactTable.along`: it is along t = (-n_y, n_x), which points to -x below an obstacle. The
-    picture is limited to the
-    part of the surface that touches or carries a traction, and its surroundings. Statuses and
-    values are those of the vertices (`ContactProblem.contact_fields`); the legend counts the
-    vertices in the picture.
+    `ContactTable.along`: it is along t = (-n_y, n_x), which points to -x below an obstacle.
+
+    The picture is limited to the part of the surface that touches or carries a traction, and its
+    surroundings. Statuses and values are those of the vertices (`ContactProblem.contact_fields`);
+    the legend counts the vertices in the picture.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg``; None writes nothing.
@@ -127,7 +127,7 @@ def picture_of_contact(
         data = contact_data(shown, s)
     if not title:
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
-        title = ", ".join(filter(None, [name, words_of(state)]))
+        title = title_of(name, words_of(state))
     draw = partial(draw_contact, data, [data], s, title, over, units or {})
     return drawn_on_root(s.comm, file, draw)
 
@@ -150,10 +150,11 @@ def draw_contact(
         over: see `picture_of_contact`.
         units: see `picture_of_contact`.
     """
-    if s.dim == 2:
-        figure, visible = _draw_curve(data, frames, s, over, units)
-    else:
-        figure, visible = _draw_map(data, frames, s, units)
+    x, cells, labels = _along_curve(data, over) if s.dim == 2 else _projected(data)
+    box = np.transpose([_limits(column, data) for column in x.T])
+    frame = _Frame(s, x, cells, box, labels, data, frames, units)
+    figure = _draw_curve(frame) if s.dim == 2 else _draw_map(frame)
+    visible = np.isin(np.arange(len(x)), cells) & np.all((box[0] <= x) & (x <= box[1]), axis=1)
     names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
     letters = ["".join(d["letters"][visible]) for d in (data, *frames)]
     counted = {k: f"{name} ({letters[0].count(k)})" for k, name in names.items()}
@@ -176,31 +177,26 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     evaluation = problem.evaluate()
     codes = contact_fields(problem.equations, number, evaluation)["status"].x.array
     at_vertices = vertex_state(problem.equations, number, evaluation)
+    normal, shear = at_vertices["n"], at_vertices["shear"]
     letters = np.array(list("oksd"))[codes.astype(int)]
     if s.dim == 2:
         senses = np.where(at_vertices["minus"] > at_vertices["slip"] / 2, "-", "+")
         letters = np.where(letters == "s", senses, letters)
     # supports are not contact, and tractions of the size of the round-off of forces are none
-    traction, normal = at_vertices["traction"], at_vertices["n"]
     u = maximum(s.comm, np.abs(s.u.x.array))
-    force = np.linalg.norm(traction, axis=1) * s.points.geometry.vertex_areas
-    carries = force > _ZERO_FORCE * problem.equations.scaling.stiffness * u
+    forces = np.linalg.norm(at_vertices["traction"], axis=1) * s.points.geometry.vertex_areas
+    carries = forces > _ZERO_FORCE * problem.equations.scaling.stiffness * u
     carries &= letters != "d"
-    values = {
-        "pressure": np.where(carries, at_vertices["pressure"], 0.0),
-        "bound": at_vertices["bound"],
-        "letters": letters,
-        "n": s.points.vertex_normals,
-    }
-    tractions = {"shear": traction}
+    shears = {"shear": shear}
     if s.law_at_points.compiled.bonded:
         adhesive = evaluation.surfaces[number].answers.bond("traction")
         bond = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
-        tractions["friction"] = traction - bond
-    for name, vectors in tractions.items():
-        shear = (along_tangent if s.dim == 2 else tangential)(vectors, normal)
-        shear[~carries] = 0.0
-        values[name] = shear
+        shears["friction"] = shear - tangential(bond, normal)
+    if s.dim == 2:
+        shears = {name: along_tangent(v, normal) for name, v in shears.items()}
+    tractions = {"pressure": at_vertices["pressure"], **shears}
+    values = {"bound": at_vertices["bound"], "letters": letters, "n": s.points.vertex_normals}
+    values |= {name: np.where(carries, v.T, 0.0).T for name, v in tractions.items()}
     data = gather_facets(s, values)
     if data:
         size = np.linalg.norm(np.column_stack([data["pressure"], data["shear"]]), axis=1)
@@ -208,17 +204,53 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     return data
 
 
-def _limits(x: Array, data: Arrays, rim: float) -> tuple[float, float]:
+@dataclass(frozen=True)
+class _Frame:
+    """A contact surface in the coordinates of a picture.
+
+    Attributes:
+        surface: contact surface.
+        x: positions of the vertices, shape (m, 1) along a curve and (m, 2) on a map.
+        cells: vertices of the facets that are drawn.
+        box: limits of the axes, shape (2, 1) or (2, 2).
+        labels: coordinates along the axes.
+        data: state to draw, see `contact_data`.
+        every: all states that are drawn with the same axes and colours.
+        units: units of "length" and "stress".
+    """
+
+    surface: DiscreteSurface
+    x: Array
+    cells: Cells
+    box: Array
+    labels: Sequence[str]
+    data: Arrays
+    every: Sequence[Arrays]
+    units: Mapping[str, str]
+
+    def label(self, axis: int) -> str:
+        """Return the label of an axis."""
+        return with_unit(self.labels[axis], self.units.get("length"))
+
+    def stress(self, words: str) -> str:
+        """Return a label or a title for stresses."""
+        return with_unit(words, self.units.get("stress"))
+
+    def shear(self) -> str:
+        """Return the name of the shear."""
+        return f"shear on the {'slave' if self.surface.between_bodies else 'body'}"
+
+
+def _limits(x: Array, data: Arrays) -> tuple[float, float]:
     """Return the limits of an axis: facets with a touching vertex, or all facets, and a margin.
 
     Args:
         x: positions of the vertices, shape (m,).
         data: see `contact_data`.
-        rim: width of the rim around everything, relative to its length.
     """
     cells, touching = data["cells"], data["touching"]
     near = x[cells[touching[cells].any(axis=1)]] if touching.any() else x
-    rim *= float(np.ptp(x))
+    rim = 0.05 * float(np.ptp(x))
     margin = max(0.25 * float(np.ptp(near)), 2 * rim)
     return max(near.min() - margin, x.min() - rim), min(near.max() + margin, x.max() + rim)
 
@@ -226,63 +258,57 @@ def _limits(x: Array, data: Arrays, rim: float) -> tuple[float, float]:
 # -- curves in 2D --------------------------------------------------------------------------------
 
 
-def _draw_curve(
-    data: Arrays,
-    frames: Sequence[Arrays],
-    s: DiscreteSurface,
-    over: str | None,
-    units: Mapping[str, str],
-) -> tuple[Figure, Mask]:
-    """Draw the tractions over the position along a curve, or over a coordinate.
-
-    Returns:
-        The figure, and the mask of the vertices in it.
-    """
-    at, facets, label = _positions(data)
-    if over is not None:
-        at, facets, label = data["x"][:, "xy".index(over)], data["cells"], over
+def _draw_curve(frame: _Frame) -> Figure:
+    """Draw the tractions over the position along a curve, or over a coordinate."""
+    at, data = frame.x[:, 0], frame.data
     axes = new_figure((8.6, 5.0)).add_subplot()
-    body = "slave" if s.between_bodies else "body"
-    pressure, shear = data["pressure"], data["shear"]
-    lines = {"pressure": (pressure, "#8c2d19"), f"shear on the {body}": (shear, "#2b5d34")}
+    pressure, shear, bound = data["pressure"], data["shear"], data["bound"]
+    lines = {
+        "pressure": (pressure, "#8c2d19", "-"),
+        frame.shear(): (shear, "#2b5d34", "-"),
+        "friction bound ±": (bound, "#7d858c", "--"),
+        "_": (-bound, "#7d858c", "--"),
+    }
     if "friction" in data:
-        lines["friction, a part of the shear"] = data["friction"], "#6fa37a"
-    lines["friction bound ±"] = data["bound"], "#7d858c"
-    lines["_lower bound"] = -data["bound"], "#7d858c"
-    for name, (values, colour) in lines.items():
-        style = dict(ls="--", lw=1.0) if "bound" in name else dict(ls="-", lw=1.8)
+        lines["friction, a part of the shear"] = data["friction"], "#6fa37a", "-"
+    for name, (values, colour, style) in lines.items():
         # one facet after the other, separated by NaN
-        x, y = (np.pad(v[facets], ((0, 0), (0, 1)), constant_values=np.nan) for v in (at, values))
-        axes.plot(x.ravel(), y.ravel(), color=colour, label=name, **style)
+        ends = np.stack([at, values])[:, frame.cells]
+        x, y = np.pad(ends, ((0, 0), (0, 0), (0, 1)), constant_values=np.nan).reshape(2, -1)
+        axes.plot(x, y, style, color=colour, lw=1.8 if style == "-" else 1.0, label=name)
     colours = [COLOURS[k] for k in data["letters"]]
-    look: dict[str, Any] = dict(linewidths=0.4, edgecolors=INK, zorder=3)
+    look: dict[str, Any] = dict(s=12 if len(at) > 60 else 26, linewidths=0.4, edgecolors=INK)
     for values in (pressure, shear):
-        axes.scatter(at, values, s=12 if len(at) > 60 else 26, c=colours, **look)
+        axes.scatter(at, values, c=colours, zorder=3, **look)
     axes.axhline(0, color=INK, lw=0.6)
-    begin, end = _limits(at, data, 1.0 / len(at))
-    bounds = [(d["pressure"], d["shear"], d["bound"], -d["bound"]) for d in frames]
+    bounds = [(d["pressure"], d["shear"], d["bound"], -d["bound"]) for d in frame.every]
     margin = 0.05 * float(np.ptp(bounds)) or 1.0
-    above = margin if len(frames) == 1 else 6 * margin  # place for the legend in all frames
-    axes.set(xlim=(begin, end), ylim=(np.min(bounds) - margin, np.max(bounds) + above))
-    axes.set(xlabel=with_unit(label, units.get("length")))
-    axes.set(ylabel=with_unit("traction", units.get("stress")))
+    axes.set(xlim=frame.box[:, 0], ylim=(np.min(bounds) - margin, np.max(bounds) + margin))
+    axes.set(xlabel=frame.label(0), ylabel=frame.stress("traction"))
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="best" if len(frames) == 1 else "upper right")
-    return axes.figure, (begin <= at) & (at <= end)
+    # above the axes, where it covers no line in any frame
+    axes.legend(frameon=False, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    return axes.figure
 
 
-def _positions(data: Arrays) -> tuple[Array, Cells, str]:
-    """Positions along the curves of a face in 2D, which grow along t = (-n_y, n_x).
+def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str]]:
+    """Return positions along the curves of a face in 2D, which grow along t = (-n_y, n_x).
 
     A closed curve is cut at the facet opposite to its touching part, which is left out.
 
+    Args:
+        data: see `contact_data`.
+        over: coordinate that is used instead, by default along a straight face.
+
     Returns:
-        Positions of the vertices (m,), the facets, and the label.
+        Positions of the vertices (m, 1), the facets, and the label.
     """
     x, facets = data["x"][:, :2], data["cells"]
-    axis = int(np.argmax(np.ptp(x, axis=0)))
-    if np.ptp(x[:, 1 - axis]) < _STRAIGHT * np.ptp(x[:, axis]):
-        return x[:, axis], facets, "xy"[axis]
+    extent = np.ptp(x, axis=0)
+    if over is None and extent.min() < _STRAIGHT * extent.max():
+        over = "xy"[np.argmax(extent)]
+    if over is not None:
+        return x[:, ["xy".index(over)]], facets, [over]
     tangents = plane_tangents(data["n"])
     at = np.zeros(len(x))
     kept = []
@@ -302,62 +328,56 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str]:
         kept.append(np.stack([vertices[:-1], vertices[1:]], axis=1))
         begin += 1.05 * float(lengths.sum())
     start = ", ".join(as_text(c, float(np.abs(x).max()), 4) for c in x[np.argmin(at)])
-    return at, np.concatenate(kept), f"length along the surface, from ({start})"
+    return at[:, None], np.concatenate(kept), [f"length along the surface, from ({start})"]
 
 
 # -- maps in 3D ----------------------------------------------------------------------------------
 
 
-def _draw_map(
-    data: Arrays, frames: Sequence[Arrays], s: DiscreteSurface, units: Mapping[str, str]
-) -> tuple[Figure, Mask]:
-    """Draw pressure, and status with the shear traction, on the projected surface.
+def _draw_map(frame: _Frame) -> Figure:
+    """Draw pressure, and status with the shear traction, on the projected surface."""
+    x, cells = frame.x, frame.cells
+    wide, tall = frame.box[1] - frame.box[0]
+    # panels side by side, of a long surface above each other
+    ratio = float(max(tall / wide, _FLAT))
+    is_long = ratio < 0.5
+    figure = new_figure((11.2, 22 * ratio + 3 if is_long else 5 * ratio + 2.2), "compressed")
+    left, right = figure.subplots(*((2, 1) if is_long else (1, 2)), sharex=True, sharey=True)
+    width = 0.15 * are_distinct(x, cells, _PANEL / float(max(wide, tall)))
+    # pressure; without bonds negative values are discretisation errors
+    least = -np.inf if frame.surface.law_at_points.compiled.bonded else 0.0
+    look = _look_of_pressure(np.maximum([d["pressure"] for d in frame.every], least))
+    pressure = np.maximum(frame.data["pressure"], least)
+    shades = shade(left, x, cells, pressure, width=width, alpha=0.25, **look)
+    figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
+    title = "Normal pressure" + ", negative where it pulls" * bool(shades.norm.vmin < 0)
+    left.set_title(frame.stress(title), loc="left")
+    # statuses and shear
+    _draw_statuses(right, x, cells, frame.data["letters"], width)
+    right.set_title(frame.stress(f"Status, and {frame.shear()}"), loc="left")
+    columns = ["xyz".index(label) for label in frame.labels]
+    largest = max(float(np.linalg.norm(d["shear"][:, columns], axis=1).max()) for d in frame.every)
+    spacing = np.array([wide, tall / ratio]) / _ARROWS
+    _draw_arrows(right, x, frame.data["shear"][:, columns], spacing, largest)
+    stretched = " (stretched)" * bool(ratio > tall / wide)
+    for axes in (left, right):
+        axes.set(xlim=frame.box[:, 0], ylim=frame.box[:, 1], box_aspect=ratio)
+        axes.set(xlabel=frame.label(0), ylabel=frame.label(1) + stretched)
+        axes.label_outer()
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
 
-    Returns:
-        The figure, and the mask of the vertices in it.
-    """
-    x, cells, across, labels = _projected(data)
-    low, high = np.transpose([_limits(x[:, k], data, 0.05) for k in range(2)])
-    wide, tall = high - low
-    is_long = bool(tall < 0.3 * wide)  # then it is stretched, in panels above each other
-    height = 22 * tall / wide + 3 if is_long else 5 * tall / wide + 2.2
-    figure = new_figure((11.2, height), "constrained" if is_long else "compressed")
+
+def _look_of_pressure(every: Array) -> dict[str, Any]:
+    """Return norm and colours of the pressure; values of all frames may be negative."""
     from matplotlib import colormaps
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
 
-    shape = (2, 1) if is_long else (1, 2)
-    left, right = figure.subplots(*shape, sharex=True, sharey=True)
-    # pressure; without bonds negative values are discretisation errors
-    every = np.stack([d["pressure"] for d in frames])
-    if not s.law_at_points.compiled.bonded:
-        every = np.maximum(every, 0.0)
-    stops = [COLOURS["o"], *colormaps["magma_r"](np.linspace(0.12, 0.95, 12))]
-    norm, colours = Normalize(0.0, float(every.max()) or 1.0), "pressure"
-    look = dict(norm=norm, cmap=LinearSegmentedColormap.from_list(colours, stops))
-    title, stress = "Normal pressure", units.get("stress")
     if every.min() < 0:
-        look = dict(norm=CenteredNorm(halfrange=np.abs(every).max()), cmap="RdBu_r")
-        title = "Normal pressure, negative where it pulls"
-    width = 0.15 * are_distinct(x, cells, _PANEL / float(max(wide, tall)))
-    pressure = np.clip(data["pressure"], every.min(), None)
-    shades = shade(left, x, cells, pressure, width=width, alpha=0.25, **look)
-    left.set_title(with_unit(title, stress), loc="left")
-    figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
-    _draw_statuses(right, x, cells, data["letters"], width)
-    body = "slave" if s.between_bodies else "body"
-    right.set_title(with_unit(f"Status, and shear on the {body}", stress), loc="left")
-    spacing = np.array([wide / 28, tall / 6 if is_long else wide / 28])
-    largest = max(float(np.linalg.norm(d["shear"] @ across, axis=1).max()) for d in frames)
-    _draw_arrows(right, x, data["shear"] @ across, spacing, largest)
-    for axes in (left, right):
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        first, second = (with_unit(label, units.get("length")) for label in labels)
-        axes.set(xlabel=first, ylabel=second + " (stretched)" * is_long)
-        axes.set_aspect("auto" if is_long else "equal")
-        axes.label_outer()
-        axes.spines[["top", "right"]].set_visible(False)
-    visible = np.isin(np.arange(len(x)), cells) & np.all((low <= x) & (x <= high), axis=1)
-    return figure, visible
+        return dict(norm=CenteredNorm(halfrange=np.abs(every).max()), cmap="RdBu_r")
+    stops = [COLOURS["o"], *colormaps["magma_r"](np.linspace(0.12, 0.95, 12))]
+    colours = LinearSegmentedColormap.from_list("pressure", stops)
+    return dict(norm=Normalize(0.0, float(every.max()) or 1.0), cmap=colours)
 
 
 def _draw_statuses(
@@ -377,25 +397,24 @@ def _draw_statuses(
     axes.add_collection(outlines)
 
 
-def _projected(data: Arrays) -> tuple[Array, Cells, Array, list[str]]:
+def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
     """Project a surface along the coordinate axis closest to its mean normal where it touches.
 
     Facets that are turned away, as behind a closed surface, are left out.
 
     Returns:
-        Positions (m, 2), facets, and the axes of the picture (3, 2) with their labels.
+        Positions of the vertices (m, 2), the facets, and the labels of both axes.
     """
     x, cells = data["x"], data["cells"]
     normals = unit(area_vectors(x[cells[:, :3]]))
     normals *= np.sign(np.sum(normals * data["n"][cells].mean(axis=1), axis=1, keepdims=True))
     touches = data["touching"][cells].any(axis=1)
     n = unit(normals[touches if touches.any() else slice(None)].mean(axis=0))
-    axes = np.delete(np.eye(3), np.argmax(np.abs(n)), axis=0).T
-    if np.ptp(x @ axes[:, 1]) > 2.5 * np.ptp(x @ axes[:, 0]):
-        axes = axes[:, ::-1]
-    labels = ["xyz"[k] for k in np.argmax(axes, axis=0)]
-    visible = normals @ n > _SEEN
-    return x @ axes, cells[visible] if visible.any() else cells, axes, labels
+    columns = np.delete(np.arange(3), np.argmax(np.abs(n)))
+    wide, tall = np.ptp(x[:, columns], axis=0)
+    columns = columns[::-1] if tall > 2.5 * wide else columns
+    seen = normals @ n > _SEEN
+    return x[:, columns], cells[seen] if seen.any() else cells, ["xyz"[k] for k in columns]
 
 
 def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
