@@ -93,11 +93,11 @@ def draw_diagram(
     solutions: list[Solutions] = [getattr(found, "solutions", found) for found in numbers]
     # panels of functionals above, strips below
     shown = branches[:strips]
-    columns = min(len(labels), 2)
+    columns = len(labels) if len(labels) < 4 else 2
     rows = -(-len(labels) // columns)
     legend = _LEGEND_ROW * -(-len(branches) // _LEGEND_COLUMNS)
-    heights = [3.4 * rows + 1.4 + legend, 2.0 * len(shown) + 0.4]
-    figure = new_figure((9.0, sum(heights)))
+    heights = [(4.8 if rows == columns == 1 else 3.4 * rows) + legend, 2.0 * len(shown) + 0.4]
+    figure = new_figure((max(9.0, 4.2 * columns), sum(heights)))
     upper, *lower = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
     panels = upper.subplots(rows, columns, squeeze=False).ravel()
     for axes, (name, label) in zip(panels, labels.items(), strict=False):

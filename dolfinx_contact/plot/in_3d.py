@@ -26,7 +26,7 @@ __all__ = ["draw_3d", "ensure_display"]
 _UP = np.eye(3)[2]
 _SHARP = 35.0  # angle between facets, in degrees, from which on their edge is sharp
 _RIM = dict(non_manifold_edges=False, manifold_edges=False)
-_HEAD, _FOOT, _SIDE = 70.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
+_HEAD, _FOOT, _SIDE = 60.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
 _SLACK = 10.0  # pixels around the visible points in which meshes are drawn
 _AHEAD = 1e-3  # distance from the edges to the facets, relative to the picture
 _TALL = 1000.0  # largest height of a body in pixels
@@ -141,8 +141,6 @@ def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
         rim = _facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM)
         if rim.n_points:
             plotter.add_mesh(rim.tube(radius=radius), color=INK, name=f"rim {i}")
-    words = "\n\nblack: rims of the contact surfaces" if rims else ""  # below the title
-    plotter.add_text(words, position="upper_edge", font_size=9, color=INK, name="legend")
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
         # normals of one sense, whatever the order of the vertices of the facets
