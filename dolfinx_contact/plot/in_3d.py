@@ -103,10 +103,10 @@ def _draw_body(
     style |= dict(specular=0.0, ambient=0.72, diffuse=0.32, show_scalar_bar=False)
     style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
     body = whole if section is None else whole.clip(origin=section[0], normal=section[1])
-    plotter.add_mesh(body.extract_surface(), name="body", **style)
+    plotter.add_mesh(body, name="body", **style)
     if scene.values is not None:
         _add_colour_bar(plotter, scene.label, ends)
-    edges = _edges(whole.extract_surface(), every)
+    edges = _edges(whole, every)
     if section is not None:
         edges = edges.merge(_edges(whole.slice(origin=section[0], normal=section[1]), every))
     if edges.n_points:
@@ -120,11 +120,9 @@ def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) 
 
     low, high = ends
     many = 5 if 1e-3 <= max(-low, high) < 1e5 else 3  # fewer with exponents, which are wide
-    ticks = MaxNLocator(many, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high) + 0.0  # no -0
-    slack = 1e-9 * (high - low)
-    ticks = ticks[(low - slack <= ticks) & (ticks <= high + slack)]
-    digits = max(5, 2 + int(np.log10(np.abs(ticks).max() / np.diff(ticks).min())))
-    look: dict[str, Any] = dict(color=INK, fmt=f"%.{digits}g", title_font_size=22)
+    ticks = MaxNLocator(many, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    ticks = ticks[(low <= ticks) & (ticks <= high)]
+    look: dict[str, Any] = dict(color=INK, fmt="%.6g", title_font_size=22)
     look |= dict(position_x=0.27, width=0.46, position_y=0.02, height=0.08, label_font_size=20)
     bar = plotter.add_scalar_bar(title=f"{label}\n", **look)
     bar.SetCustomLabels(pv.convert_array(ticks, deep=True))
@@ -178,11 +176,11 @@ def _solid(x: Array, cells: Cells) -> Any:
     return pv.UnstructuredGrid({kind: order}, x)
 
 
-def _edges(facets: Any, every: bool) -> Any:
-    """Return the edges of facets: every one, or sharp ones and those of the boundary."""
+def _edges(cells: Any, every: bool) -> Any:
+    """Return the edges of cells: every one, or sharp ones and those of the boundary."""
     if every:
-        return facets.extract_all_edges()
-    return facets.extract_feature_edges(feature_angle=_SHARP, **_RIM)
+        return cells.extract_all_edges()
+    return cells.extract_feature_edges(feature_angle=_SHARP, **_RIM)
 
 
 def _section(scene: Scene) -> Plane | None:
