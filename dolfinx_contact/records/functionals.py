@@ -125,9 +125,7 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
         with everywhere(comm, f"the functional {name!r}"):
             number = f(problem)
             if not is_number(number):
-                raise ValueError(
-                    f"the functional {name!r} did not return a real number, but {number!r}"
-                )
+                raise ValueError(f"the functional {name!r} did not return a number: {number!r}")
         numbers = comm.allgather(float(number))
         same = np.allclose(numbers, numbers[0], rtol=_SAME, atol=0, equal_nan=True)
         message = f"the functional {name!r} differs between ranks ({numbers[:4]}): sum over them"

@@ -174,7 +174,7 @@ MISUSE = {
     "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
     "r nan": (lambda w: problem(w, r=np.nan), "r must be positive"),
     # PETSc options
-    "options list": (lambda w: problem(w, petsc_options=["snes_rtol"]), "must be a dictionary"),
+    "options list": (lambda w: problem(w, petsc_options=["snes_rtol"]), "items", AttributeError),
     "option with prefix": (
         lambda w: problem(w, petsc_options={"contact_snes_rtol": 1e-8}),
         "without dash and prefix, as 'snes_rtol'",
@@ -429,7 +429,7 @@ MISUSE = {
     ),
     "observer word": (lambda w: followed(w, observer="me"), "must be an Observer"),
     "record function": (lambda w: followed(w, record=print), "must be a records.BranchRecord"),
-    "progress word": (lambda w: followed(w, progress="yes"), "progress must be True, False or"),
+    "progress word": (lambda w: followed(w, progress="yes"), "progress must be one of True, False"),
     "observer raises": (
         lambda w: followed(w, observer=Telling(raising(UsersError("in the observer")))),
         "in the observer",
