@@ -90,7 +90,7 @@ class GatheredPoints:
             "area": s.points.areas,
             "r": s.points.data.r,
             "gap": s.points.data.gap,
-            "held": eq.constraints.surfaces[number].fixed_jumps[:n].any(axis=1),
+            "held": np.asarray(eq.constraints.surfaces[number].fixed_jumps[:n].any(axis=1)),
             "unit bound": np.zeros(n) if given else answers.unit_bound,
             "bound": answers.bound * s.points.areas if given else np.zeros(n),
             "reach": np.full(n, np.inf if flat else s.points.geometry.facet_size / 2),

@@ -332,7 +332,7 @@ class Reduction:
         n = s.points.number * s.dim
         if not isinstance(term, RigidTerm):
             none = np.zeros(0, dtype=np.int64)
-            return self._matrix(n, none, none, none)
+            return self._matrix(n, none, none, np.zeros(0))
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
         rows = first + np.arange(n)[:, None]
         columns = np.arange(term.motion_slice.start, term.motion_slice.stop)

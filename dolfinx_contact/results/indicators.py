@@ -761,7 +761,7 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
         apart = at.operator.facing.nodal.apart[: s.points.number]  # type: ignore[attr-defined]
         return float(np.degrees(np.sqrt(means(apart**2).max(initial=0.0))))
     # the start and the end of the step in the frame of the obstacle, about their means
-    before = np.zeros_like(weights)
+    before: Any = np.zeros_like(weights)
     if at.memory is not None:
         before = at.memory.jump if at.memory.place is None else at.memory.place
     x = at.operator.apply(s.node_positions[: s.owned_nodes])
