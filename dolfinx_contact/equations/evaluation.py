@@ -25,6 +25,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws import Answers, HeldAnswers, PointData
+from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
@@ -44,6 +45,10 @@ __all__ = [
 #: Status codes of the contact points of this rank, surface by surface.
 Statuses = Sequence[Codes]
 
+_NO_SLIP = 1e-12  # slip along a held direction, relative to the largest jump, that is round-off
+_STEPS = 50  # of Newton's method for the friction along held directions
+_SINGULAR = 1e-9  # derivative of T - e . tau below which a point sticks or is at the border
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceEvaluation:
@@ -56,12 +61,17 @@ class SurfaceEvaluation:
         traction: contact traction t on the body, a stress, shape (n, dim).
         statuses: status codes with which the law was evaluated, shape (n,).
         answers: answers of the law for every status.
+        law_traction: traction given to the law, shape (n, dim). It differs from ``traction`` at
+            points that slip along a held direction (`SurfaceTerm.held_directions`).
+        held: held directions of these points, 0 elsewhere, shape (n, dim); None without one.
     """
 
     kinematics: Kinematics
     traction: Array
     statuses: Codes
     answers: Answers
+    law_traction: Array
+    held: Array | None = None
 
     @property
     def jump(self) -> Array:
@@ -72,6 +82,23 @@ class SurfaceEvaluation:
     def data(self) -> PointData:
         """Data of the law at the points, including normals and gaps."""
         return self.kinematics.data
+
+    def complete(self, rate: Array) -> Array:
+        """Return a derivative of the answer including the change of held friction.
+
+        The friction T along a held direction e satisfies T = e . tau. Hence
+
+            dtau = rate + p (e . rate) / (1 - e . p),    p = dtau/dt e.
+
+        Args:
+            rate: derivative at constant T, shape (n, dim, ...).
+        """
+        if self.held is None:
+            return rate
+        slope = _friction_slope(self.answers, self.statuses, self.held)
+        rest = 1.0 - np.sum(self.held * slope, axis=1)
+        factor = slope / np.where(rest > _SINGULAR, rest, np.inf)[:, None]
+        return np.asarray(rate + np.einsum("ni,nj,nj...->ni...", factor, self.held, rate))
 
     @cached_property
     def answer(self) -> Array:
@@ -96,12 +123,12 @@ class SurfaceEvaluation:
     @cached_property
     def by_jump(self) -> Array:
         """Derivatives of the answer with respect to the jump, shape (n, dim, dim)."""
-        return self._present(self.answers.by_jump(self.statuses))
+        return self._present(self.complete(self.answers.by_jump(self.statuses)))
 
     @cached_property
     def by_traction(self) -> Array:
         """Derivatives of the answer with respect to the traction, shape (n, dim, dim)."""
-        return self._present(self.answers.by_traction(self.statuses))
+        return self._present(self.complete(self.answers.by_traction(self.statuses)))
 
     @cached_property
     def by_normal(self) -> Array:
@@ -113,8 +140,8 @@ class SurfaceEvaluation:
             dtau = w x tau - dtau/dt (w x t).
         """
         n = self.data.n
-        turned = _turning(n, self.answer) - self.by_traction @ _turning(n, self.traction)
-        return np.asarray(turned)
+        turned = self.complete(_turning(n, self.answer))
+        return np.asarray(turned - self.by_traction @ _turning(n, self.law_traction))
 
     def _present(self, values: Array, other: Array | float = 0.0) -> Array:
         """Values, replaced by ``other`` at points without an opposing point."""
@@ -190,6 +217,11 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
     return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]
 
 
+def _friction_slope(answers: Answers, statuses: Codes, e: Array) -> Array:
+    """Return the derivatives of the answers with respect to tractions along e, shape (n, dim)."""
+    return np.einsum("nij,nj->ni", answers.by_traction(statuses), e)
+
+
 def _turning(n: Array, v: Array) -> Array:
     """Return the matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
     along = np.sum(n * v, axis=1)[:, None, None]
@@ -246,9 +278,19 @@ class SurfaceTerm:
             multipliers: owned multipliers, a stress.
             statuses: statuses for the law, shape (n,); None: those determined by the unknowns.
         """
-        s = self.surface
         at = self.kinematics(u, q)
-        traction = s.points.traction(np.where(self.removed, 0.0, multipliers))
+        traction = self.surface.points.traction(np.where(self.removed, 0.0, multipliers))
+        held = self._slipping(at)
+        if held is None:
+            return SurfaceEvaluation(at, traction, *self._law(at, traction, statuses), traction)
+        given = self._with_held_friction(at, traction, statuses, held)
+        return SurfaceEvaluation(at, traction, *self._law(at, given, statuses), given, held)
+
+    def _law(
+        self, at: Kinematics, traction: Array, statuses: Codes | None
+    ) -> tuple[Codes, Answers]:
+        """Return statuses, and the answers of the law to a traction. See `evaluate`."""
+        s = self.surface
         if self.strength is None:
             answers = s.law_at_points(at.jump, traction, at.data, statuses)
         else:
@@ -260,7 +302,53 @@ class SurfaceTerm:
         absent = at.operator.absent
         if absent is not None:
             codes = np.where(absent, s.law_at_points.codes[0], codes)
-        return SurfaceEvaluation(at, traction, codes, answers)
+        return codes, answers
+
+    @cached_property
+    def held_directions(self) -> Array | None:
+        """Tangential directions in which Dirichlet data hold a point that is free along the other.
+
+        The multiplier along such a direction is removed. If the data move the point along it, the
+        point slips, and the law determines the friction T = e . tau along the direction e. It
+        belongs to the traction given to the law; otherwise the friction along the other direction
+        would depend on the augmentation parameter r. Unit vectors, 0 at other points, shape
+        (n, dim); None without such points on this rank, or if several multipliers act at a point.
+        """
+        s = self.surface
+        if s.dim == 2 or STICK not in s.law_at_points.codes or s.law.averaging is not None:
+            return None
+        if s.points.E is not None:
+            return None
+        removed = self.removed.reshape(-1, s.dim)[: s.points.number]
+        one = (removed.sum(axis=1) == 1) & ~(removed & (np.abs(s.points.data.n) > 0.5)).any(axis=1)
+        return np.where(one[:, None], removed, False).astype(float) if one.any() else None
+
+    def _slipping(self, at: Kinematics) -> Array | None:
+        """Return `held_directions` at the points that slip along them; None without such points."""
+        if self.held_directions is None:
+            return None
+        slip = np.abs(np.sum(self.held_directions * at.jump, axis=1))
+        slips = slip > _NO_SLIP * np.linalg.norm(at.jump, axis=1).max()
+        return np.where(slips[:, None], self.held_directions, 0.0) if slips.any() else None
+
+    def _with_held_friction(
+        self, at: Kinematics, traction: Array, statuses: Codes | None, e: Array
+    ) -> Array:
+        """Return the traction with the friction T along the held directions e, T = e . tau.
+
+        Newton's method starts at the largest friction, from where it converges monotonically.
+        """
+        codes, answers = self._law(at, traction, statuses)
+        T = -np.sign(np.sum(e * at.jump, axis=1)) * np.fmax(answers.bound, 0.0)
+        for _ in range(_STEPS):
+            codes, answers = self._law(at, traction + T[:, None] * e, statuses)
+            off = T - np.sum(e * answers.traction(codes), axis=1)
+            rest = 1.0 - np.sum(e * _friction_slope(answers, codes, e), axis=1)
+            step = np.where(rest > _SINGULAR, off / np.maximum(rest, _SINGULAR), 0.0)
+            T = T - step
+            if not np.any(np.abs(step) > 1e-15 * np.abs(T)):
+                break
+        return traction + T[:, None] * e
 
     def kinematics(self, u: Array, q: Array) -> Kinematics:
         """Return gap, slip and B at a displacement and unknowns of the rigid bodies."""
@@ -425,8 +513,7 @@ class RigidTerm(SurfaceTerm):
             return
         contact, rigid = evaluation.surfaces[self.number], self.body.kinematics
         turning = rigid.spin(self.motion(evaluation.q)) @ self.motion(dq)[self.surface.dim :]
-        turned = rigid.crossed(turning, contact.traction)
+        turned = rigid.crossed(turning, contact.law_traction)
         back = np.einsum("nij,nj->ni", contact.by_traction, turned)
-        rows.laws[self.number] = (
-            rows.laws[self.number] - rigid.crossed(turning, contact.answer) + back
-        )
+        along = contact.complete(rigid.crossed(turning, contact.answer))
+        rows.laws[self.number] = rows.laws[self.number] - along + back

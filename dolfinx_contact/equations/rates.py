@@ -169,7 +169,9 @@ class SurfaceRates:
             fields = {k: v for k, v in rates.fields.items() if k not in at.memory.fields}
             rates = replace(rates, fields=fields)
         law = s.law_at_points
-        rate = law.rate(contact.jump, contact.traction, data, rates, contact.statuses, moved)
+        given = contact.law_traction
+        rate = law.rate(contact.jump, given, data, rates, contact.statuses, moved)
+        rate = contact.complete(rate)
         return rate if s.displaced is not None else rate - contact.along(aside)
 
 

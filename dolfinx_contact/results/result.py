@@ -266,8 +266,7 @@ def collect(
     if not weak and not violated <= _LARGEST_VIOLATION:
         warnings["law"] = (
             f"the law of contact is violated by {violated:.1e} of the forces: a law that leaves "
-            "states without a status, a tolerance snes_rtol that is too large, or in 3D a contact "
-            "node held in one tangential direction that slips along it"
+            "states without a status, or a tolerance snes_rtol that is too large"
         )
     if not forces.imbalance <= _LARGEST_IMBALANCE:
         warnings["imbalance"] = (

@@ -318,7 +318,7 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
     for number, (s, contact) in enumerate(zip(eq.surfaces, evaluation.surfaces, strict=True)):
         points = s.points
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
-        answers = s.law_at_points(contact.jump, contact.traction, replace(contact.data, r=r))
+        answers = s.law_at_points(contact.jump, contact.law_traction, replace(contact.data, r=r))
         held = answers.holds(contact.statuses)
         codes = np.where(held, contact.statuses, answers.required)
         off = (contact.traction - answers.traction(codes)) * points.areas[:, None]

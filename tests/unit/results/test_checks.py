@@ -627,8 +627,7 @@ def test_reversed_floor_under_a_round_foot_gives_a_warning(log):
         assert ("at (0.5, 0), " in message) == wrong
 
 
-@pytest.mark.ranks(2)
-def test_slip_along_a_held_direction_violates_the_law_and_gives_a_warning(log):
+def _held_in_one_direction(**options):
     """Nodes on two planes of symmetry, and a floor that moves along one of them."""
     domain = box(COMM, 2, "hex")
     u = displacement(domain)
@@ -646,6 +645,30 @@ def test_slip_along_a_held_direction_violates_the_law_and_gives_a_warning(log):
     floor = RigidBody(HalfSpace((0, 0, 0), (0, 0, 1)), about=(0, 0, 0), motion=given)
     surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load
-    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
-    assert "held in one tangential direction" in result.warnings["law"]
+    return ContactProblem(energy, u, [surface], bcs=bcs, **options).solve()
+
+
+@pytest.mark.ranks(2, 3)
+def test_friction_is_opposite_to_slip_that_dirichlet_data_impose():
+    """Nodes held along the motion of the floor also slip across it; r is arbitrary."""
+    across = []
+    for r in (None, 10.0, 1e4):
+        result = _held_in_one_direction(r=r)
+        assert "law" not in result.warnings
+        across.append(result.resultants["contact"][1])
+        table = result.tables["contact"]
+        held = (table.x[:, 0] < 1e-9) & (table.x[:, 1] > 1e-9)
+        slip, friction = table.increment[held], table.friction[held]
+        size = np.linalg.norm(slip, axis=1)
+        assert np.all(size > 0.04)
+        expected = -0.3 * table.rn[held] * slip[:, 1] / size
+        np.testing.assert_allclose(friction[:, 1], expected, rtol=1e-8)
+    np.testing.assert_allclose(across, across[0], rtol=1e-8)
+
+
+@pytest.mark.ranks(2)
+def test_a_violated_law_gives_a_warning(log):
+    """Newton's method may stop early."""
+    result = _held_in_one_direction(petsc_options={"snes_rtol": 0.1})
+    assert "snes_rtol" in result.warnings["law"]
     assert "violated by" in said(log, "the law of contact is violated")
