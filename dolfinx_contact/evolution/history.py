@@ -20,9 +20,9 @@ from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.laws import status
-from dolfinx_contact.results.balance import at_conditions, support_at_nodes
+from dolfinx_contact.results.balance import at_conditions
 from dolfinx_contact.results.result import Result
-from dolfinx_contact.results.tables import ContactTable
+from dolfinx_contact.results.tables import ContactTable, support_at_nodes
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
