@@ -57,7 +57,10 @@ def contact_fields(
         [at_vertices["open"], 1 - at_vertices["open"] - at_vertices["slip"], at_vertices["slip"]]
     )
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    clamped = _at_vertices(s, eq.constraints.surfaces[number].clamped)
+    marked = fem.Function(s.points.Q)
+    clamped_nodes = eq.constraints.surfaces[number].clamped
+    marked.x.array[:] = np.repeat(clamped_nodes.astype(float), s.dim)
+    clamped = _at_vertices(s, marked)[:, 0] > 0.5
     status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
