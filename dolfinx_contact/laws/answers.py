@@ -163,11 +163,11 @@ class Answers:
         """Return the mask of the points at which a status exists, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
-        return self.exists[:, self._law.rows[code]]
+        return self._table[2][:, self._law.rows[code]]
 
     def holds(self, codes: Codes) -> Mask:
         """Return the mask of the points within the borders of their statuses, shape (n,)."""
-        can = self.exists[np.arange(len(codes)), self._law.rows[codes]]
+        can = self._table[2][np.arange(len(codes)), self._law.rows[codes]]
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:

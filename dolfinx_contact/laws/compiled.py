@@ -199,6 +199,7 @@ class CompiledLaw:
             slopes = (ufl.diff(q, by[name]) for name in ("by_jump", "by_traction"))
             self.places["pressure"] = [flat.add(e) for e in (q, *slopes)]
         self.values = self._values(flat)
+        self._step = symbols.step
         self._needs: dict[float, bool] = {}
         roots = written.equations
         self._roots = Roots(roots, symbols.solved, symbols.w, comm) if roots else None
@@ -212,7 +213,7 @@ class CompiledLaw:
 
         Conditions on the duration are resolved first (`known_step`).
         """
-        symbol = self._symbols.step
+        symbol = self._step
         if symbol is None:
             return False
         if step not in self._needs:

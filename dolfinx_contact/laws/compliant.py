@@ -76,7 +76,7 @@ class _AroundFriction(FrictionLaw):
         return self.friction.creeps
 
     @property
-    def averaging(self) -> Kernel | None:
+    def averaging(self) -> Kernel | None:  # type: ignore[override]
         return self.friction.averaging
 
     def lacks(self, *, history: bool) -> str:

@@ -303,6 +303,8 @@ class Law:
     compliant: bool = False
     #: Whether friction increases with the slip, so that friction alone can support a body.
     creeps: bool = False
+    #: Kernel that averages the pressures of closed points; None for a local law.
+    averaging: Kernel | None = None
     #: Internal variables, stored in the memory of an evolution; `bond` returns their new values.
     internal: tuple[Internal, ...] = ()
     #: Fields that make an evolution depend on the lengths of its steps unless they vanish.
@@ -340,11 +342,6 @@ class Law:
     def lacks(self, *, history: bool) -> str:
         """Return a message about missing data for a history step or a static solve; "" if none."""
         return ""
-
-    @property
-    def averaging(self) -> Kernel | None:
-        """Return the kernel that averages the pressures of closed points; None for a local law."""
-        return None
 
     @property
     def name(self) -> str:

@@ -101,7 +101,7 @@ class NonlocalCoulomb(FrictionLaw):
         return f"NonlocalCoulomb({self.radius:g}, {self.kernel})"
 
     @property
-    def averaging(self) -> Kernel:
+    def averaging(self) -> Kernel:  # type: ignore[override]
         return Kernel(self.kernel, self.radius, self.normalised)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
