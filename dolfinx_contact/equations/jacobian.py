@@ -128,8 +128,9 @@ class _Dofs:
 
 def _flat(*blocks: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     """Return rows and columns of blocks of entries, whose places are broadcast to one shape."""
-    rows, columns = zip(*(np.broadcast_arrays(*block) for block in blocks), strict=True)
-    return np.concatenate(list(map(np.ravel, rows))), np.concatenate(list(map(np.ravel, columns)))
+    pairs = [np.broadcast_arrays(*block) for block in blocks]
+    rows = np.concatenate([row.reshape(-1) for row, _ in pairs])
+    return rows, np.concatenate([column.reshape(-1) for _, column in pairs])
 
 
 class _PointTerms:
