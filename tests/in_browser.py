@@ -356,6 +356,10 @@ def history(b):
         *("0", "3.0000e-17", "3.0000e-5"),
     ]
     assert "e-17" not in b.find("#points").text
+    assert b.ask("[...column('contact_x'), ...column('support_1_x')].every((v) => v === 0)")
+    b.choose("axis-x", "support_1_uy")
+    b.choose("axis-y", "support_1_y")
+    assert b.ask("byId('diagram').layout.yaxis.title.text") == "support_1_y"
     b.picture("history")
     b.no_errors()
 

@@ -19,6 +19,12 @@ function column(name) {
   return diagram.columns.subarray(at * META.points, (at + 1) * META.points);
 }
 
+/** Set values of a column that are round-off of its scale to 0. */
+function withoutRoundOff({ name, scale }) {
+  const values = column(name);
+  values.forEach((value, i) => { if (Math.abs(value) <= ROUND_OFF * scale) values[i] = 0; });
+}
+
 function valueAt(series, index, name) {
   return column(name)[META.series[series].first + index];
 }

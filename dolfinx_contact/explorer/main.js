@@ -222,6 +222,7 @@ async function begin() {
   head();
   await loadLibrary();
   diagram.columns = await array("columns");
+  META.columns.forEach(withoutRoundOff);
   diagram.words = (await array("words")).split("\n");
   diagram.states = await array("states");
   if (META.body) await prepareBody();
