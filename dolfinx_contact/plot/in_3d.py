@@ -108,7 +108,10 @@ def _draw_body(
         _add_colour_bar(plotter, scene.label, ends)
     edges = _edges(whole, every)
     if section is not None:
-        edges = edges.merge(_edges(whole.slice(origin=section[0], normal=section[1]), every))
+        # slightly behind the section, which passes through vertices of symmetric meshes
+        point, normal = section
+        cut = whole.slice(origin=point - 0.1 * np.linalg.norm(ahead) * normal, normal=normal)
+        edges = edges.merge(_edges(cut, every))
     if edges.n_points:
         look = dict(opacity=0.3, line_width=1.0) if every else dict(opacity=1.0, line_width=1.5)
         plotter.add_mesh(edges.translate(ahead), color=INK, lighting=False, name="edges", **look)
