@@ -61,7 +61,7 @@ _TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 1e-6  # height over length up to which a curve is drawn over its coordinate
 _PANEL = 800.0  # pixels of the longer side of a map, about
 _FLAT = 0.3  # smallest height over width of a map; a longer surface is stretched
-_ARROWS = 28  # number of arrows along the width of a map
+_ARROWS = 28  # number of arrows along the width of half a figure
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
 
 
@@ -338,9 +338,9 @@ def _draw_map(frame: _Frame) -> Figure:
     """Draw pressure, and status with the shear traction, on the projected surface."""
     x, cells = frame.x, frame.cells
     wide, tall = frame.box[1] - frame.box[0]
-    # panels side by side, of a long surface above each other
-    ratio = float(max(tall / wide, _FLAT))
-    is_long = ratio < 0.5
+    # panels side by side; those of a long surface are above each other, and stretched
+    is_long = bool(tall < _FLAT * wide)
+    ratio = _FLAT if is_long else float(tall / wide)
     figure = new_figure((11.2, 22 * ratio + 3 if is_long else 5 * ratio + 2.2), "compressed")
     left, right = figure.subplots(*((2, 1) if is_long else (1, 2)), sharex=True, sharey=True)
     width = 0.15 * are_distinct(x, cells, _PANEL / float(max(wide, tall)))
@@ -357,12 +357,11 @@ def _draw_map(frame: _Frame) -> Figure:
     right.set_title(frame.stress(f"Status, and {frame.shear()}"), loc="left")
     columns = ["xyz".index(label) for label in frame.labels]
     largest = max(float(np.linalg.norm(d["shear"][:, columns], axis=1).max()) for d in frame.every)
-    spacing = np.array([wide, tall / ratio]) / _ARROWS
+    spacing = np.array([wide, tall / ratio]) / (2 * _ARROWS if is_long else _ARROWS)
     _draw_arrows(right, x, frame.data["shear"][:, columns], spacing, largest)
-    stretched = " (stretched)" * bool(ratio > tall / wide)
     for axes in (left, right):
         axes.set(xlim=frame.box[:, 0], ylim=frame.box[:, 1], box_aspect=ratio)
-        axes.set(xlabel=frame.label(0), ylabel=frame.label(1) + stretched)
+        axes.set(xlabel=frame.label(0), ylabel=frame.label(1) + " (stretched)" * is_long)
         axes.label_outer()
         axes.spines[["top", "right"]].set_visible(False)
     return figure
