@@ -26,6 +26,7 @@ from dolfinx_contact.plot.figures import (
     File,
     add_status_legend,
     around,
+    draw_edges,
     drawn_on_root,
     new_figure,
     shade,
@@ -168,8 +169,8 @@ def _draw_body(axes: Axes, scene: Scene) -> Any:
     values, colours, ends = scene.colours()
     thin = float(np.clip(20 / np.sqrt(len(cells)), 0.05, 0.3))  # coloured cells stay visible
     thin *= scene.shows_edges(_ACROSS / size)
-    look: dict[str, Any] = dict(cmap=colours, vmin=ends[0], vmax=ends[1])
-    shades = shade(axes, x, cells, values, width=thin, alpha=0.4, **look)
+    shades = shade(axes, x, cells, values, cmap=colours, vmin=ends[0], vmax=ends[1])
+    draw_edges(axes, x, cells, thin, 0.4)
     # obstacles are areas or bands with a depth
     depth = 0.05 * float(np.sqrt(np.prod(high - low)))
     for o in scene.obstacles:

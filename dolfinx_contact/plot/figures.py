@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     *("FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "Drawing", "File", "add_status_legend"),
-    *("are_distinct", "around", "drawn_on_root", "new_figure", "save", "shade", "title_of"),
-    *("with_unit", "words_of"),
+    *("are_distinct", "around", "draw_edges", "drawn_on_root", "new_figure", "save", "shade"),
+    *("title_of", "with_unit", "words_of"),
 ]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
@@ -170,17 +170,24 @@ def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
     return bool(np.linalg.norm(sides, axis=1).mean() * pixels > _DENSE)
 
 
-def shade(
-    axes: Axes,
-    x: Array,
-    cells: Cells,
-    values: npt.NDArray[Any],
-    *,
-    width: float,
-    alpha: float,
-    **look: Any,
-) -> Any:
-    """Draw a field on triangles or quadrilaterals in 2D, and the edges of the cells.
+def draw_edges(axes: Axes, x: Array, cells: Cells, width: float, alpha: float) -> None:
+    """Draw the edges of triangles or quadrilaterals in 2D.
+
+    Args:
+        axes: axes.
+        x: positions of the vertices, shape (n, 2).
+        cells: vertices of the cells.
+        width: line width; 0 for no edges.
+        alpha: opacity.
+    """
+    from matplotlib.collections import PolyCollection
+
+    look = dict(facecolors="none", edgecolors=INK, linewidths=width, alpha=alpha)
+    axes.add_collection(PolyCollection(x[around(cells)], **look))
+
+
+def shade(axes: Axes, x: Array, cells: Cells, values: npt.NDArray[Any], **look: Any) -> Any:
+    """Draw a field on triangles or quadrilaterals in 2D, and return its colours.
 
     Matplotlib interpolates colours, which on coarse meshes are not those of the colour bar. So the
     field is interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, since a
@@ -191,16 +198,11 @@ def shade(
         x: positions of the vertices, shape (n, 2).
         cells: vertices of the cells.
         values: field at the vertices, shape (n,).
-        width: line width of the edges; 0 for none.
-        alpha: opacity of the edges.
         **look: options of ``Axes.tripcolor``.
     """
     from matplotlib import tri
-    from matplotlib.collections import PolyCollection
 
     loop = around(cells)
-    outlines = dict(facecolors="none", edgecolors=INK, linewidths=width, alpha=alpha)
-    edges = PolyCollection(x[loop], **outlines)
     if loop.shape[1] == 4:
         middle = np.broadcast_to(len(x) + np.arange(len(loop))[:, None, None], (len(loop), 4, 1))
         x = np.concatenate([x, x[loop].mean(axis=1)])
@@ -212,6 +214,4 @@ def shade(
     # bodies may overlap, so triangles are not searched
     linear = tri.LinearTriInterpolator(mesh, values, tri.TriFinder(mesh))
     mesh, field = tri.UniformTriRefiner(mesh).refine_field(values, linear, subdiv=halved)
-    shades = axes.tripcolor(mesh, np.ma.filled(field, np.nan), shading="gouraud", **look)
-    axes.add_collection(edges)
-    return shades
+    return axes.tripcolor(mesh, np.ma.filled(field, np.nan), shading="gouraud", **look)

@@ -34,6 +34,7 @@ from dolfinx_contact.plot.figures import (
     add_status_legend,
     are_distinct,
     around,
+    draw_edges,
     drawn_on_root,
     new_figure,
     shade,
@@ -348,18 +349,19 @@ def _draw_map(frame: _Frame) -> Figure:
     least = -np.inf if frame.surface.law_at_points.compiled.bonded else 0.0
     look = _look_of_pressure(np.maximum([d["pressure"] for d in frame.every], least))
     pressure = np.maximum(frame.data["pressure"], least)
-    shades = shade(left, x, cells, pressure, width=width, alpha=0.25, **look)
+    shades = shade(left, x, cells, pressure, **look)
     figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
     title = "Normal pressure" + ", negative where it pulls" * bool(shades.norm.vmin < 0)
     left.set_title(frame.stress(title), loc="left")
     # statuses and shear
-    _draw_statuses(right, x, cells, frame.data["letters"], width)
+    _draw_statuses(right, x, cells, frame.data["letters"])
     right.set_title(frame.stress(f"Status, and {frame.shear()}"), loc="left")
     columns = ["xyz".index(label) for label in frame.labels]
     largest = max(float(np.linalg.norm(d["shear"][:, columns], axis=1).max()) for d in frame.every)
     spacing = np.array([wide, tall / ratio]) / (2 * _ARROWS if is_long else _ARROWS)
     _draw_arrows(right, x, frame.data["shear"][:, columns], spacing, largest)
     for axes in (left, right):
+        draw_edges(axes, x, cells, width, 0.25)
         axes.set(xlim=frame.box[:, 0], ylim=frame.box[:, 1], box_aspect=ratio)
         axes.set(xlabel=frame.label(0), ylabel=frame.label(1) + " (stretched)" * is_long)
         axes.label_outer()
@@ -379,10 +381,8 @@ def _look_of_pressure(every: Array) -> dict[str, Any]:
     return dict(norm=Normalize(0.0, float(every.max()) or 1.0), cmap=colours)
 
 
-def _draw_statuses(
-    axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_], width: float
-) -> None:
-    """Draw statuses: each vertex colours the adjacent part of the facets, with edges of a width."""
+def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
+    """Draw statuses: each vertex colours the adjacent part of the facets."""
     from matplotlib.collections import PolyCollection
 
     loop = around(cells)
@@ -392,8 +392,6 @@ def _draw_statuses(
     quads = np.stack([corners, sides[0], centre, sides[1]], axis=2).reshape(-1, 4, 2)
     fills = [COLOURS[k] for k in letters[loop.reshape(-1)]]
     axes.add_collection(PolyCollection(quads, facecolors=fills, edgecolors=fills, lw=0.3))
-    outlines = PolyCollection(corners, facecolors="none", edgecolors=INK, lw=width, alpha=0.25)
-    axes.add_collection(outlines)
 
 
 def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
