@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Types of arrays by their entries, and numbers as text."""
+"""Aliases for array types, and formatting of numbers."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _ROUND_OFF = 1e-12  # numbers relative to their scale that are printed as 0
 
 
 def as_text(value: float, scale: float, digits: int = 6) -> str:
-    """Return a number as text, with 0 for round-off.
+    """Return a number as text; round-off is printed as 0.
 
     Args:
         value: number.
-        scale: size of the largest number of the same kind, such as those of a column.
+        scale: largest magnitude of numbers of the same kind, such as the numbers of a column.
         digits: number of significant digits.
     """
     return f"{value if abs(value) > _ROUND_OFF * scale else 0:.{digits}g}"

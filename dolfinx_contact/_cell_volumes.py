@@ -141,6 +141,6 @@ def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
 
 
 def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the integral of the radius of ``p`` over a quadrilateral, with columns q and s."""
+    """Return the integral of the radius (field p) over a quadrilateral (columns q and s)."""
     total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
     return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12

@@ -29,7 +29,7 @@ class Ending(Enum):
     #: Provably, no solution continues.
     NO_SOLUTION = "no solution continues it"
     #: No direction to continue was found.
-    NOT_FOUND = "no way on was found"
+    NOT_FOUND = "no continuation was found"
     #: A step was not solved.
     NOT_SOLVED = "a step was not solved"
 

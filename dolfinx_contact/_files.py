@@ -38,7 +38,7 @@ def part_of(file: Path) -> Iterator[Path]:
 
 
 def os_error(error: Exception, path: Path) -> OSError:
-    """Convert an error of a library that failed to write ``path`` to ``OSError``."""
+    """Convert an error of a library that failed to write ``path`` into ``OSError``."""
     if isinstance(error, OSError) and error.errno is not None:
         return OSError(error.errno, error.strerror, str(path))
     found = re.search(r"errno = (\d+)", str(error))  # in messages of ADIOS2

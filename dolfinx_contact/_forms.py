@@ -68,8 +68,8 @@ class _Compiled:
     Attributes:
         ufcx: compiled form.
         module: compiled module.
-        functions: places of its Functions among those of the original form.
-        constants: places of its Constants among those of the original form.
+        functions: indices of its Functions among the Functions of the original form.
+        constants: indices of its Constants among the Constants of the original form.
     """
 
     ufcx: Any
@@ -98,9 +98,9 @@ def derived_form(
         original: original form.
         make: function returning the derived form, called unless it is in the cache; its result
             must depend on the original form only.
-        spaces: function spaces of the arguments; default: those of the original form.
-        functions: Functions of the derived form, in the order of those of the original form;
-            default: the same.
+        spaces: function spaces of the arguments; default: spaces of the original form.
+        functions: Functions of the derived form, in the order of the Functions of the original
+            form; default: Functions of the original form.
         entity_maps: entity maps of submeshes in the form; default: none.
 
     Raises:
@@ -153,15 +153,15 @@ def _tags_agree(form: ufl.Form) -> bool:
 
 
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
-    """Compile a form, using the cache by signature. Collective."""
+    """Compile a form using the cache of signatures. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     ((domain, tags),) = form.subdomain_data().items()
     for kind, given in tags.items():
         if any(each is not given[0] for each in given):
             raise ValueError(
                 f"integrals over the {_PARTS.get(kind, kind)} have tags, and others have none or "
-                "other ones: take one measure, ufl.Measure('dx', domain, subdomain_data=tags), for "
-                "all of them; without a number it is over all"
+                "different ones: use one measure, ufl.Measure('dx', domain, subdomain_data=tags), "
+                "for all of them; without the number of a tag it covers everything"
             )
     if any(is_of_cells(i.integrand()) and not _at_middle(i) for i in form.integrals()):
         raise ValueError(
@@ -179,7 +179,7 @@ def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> 
     Args:
         e: UFL expression.
         points: points of the reference cell.
-        comm: communicator; default: that of the mesh.
+        comm: communicator; default: communicator of the mesh.
     """
     with _compiler_named(comm or extract_unique_domain(e).ufl_cargo().comm):
         return fem.Expression(e, points, comm=comm, jit_options=_folder("expressions"))
@@ -225,7 +225,7 @@ def _at_middle(integral: ufl.Integral) -> bool:
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """Return the form with `at_middle` in place of one-point rules that FFCx would mix.
+    """Return the form with one-point rules that FFCx would mix replaced by `at_middle`.
 
     Raises:
         ValueError: if FFCx would mix rules and `at_middle` does not help: on facets, where FFCx
@@ -246,9 +246,9 @@ def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
             over_cells = integral.integral_type() == "cell"
             if own or not over_cells or cell not in ("quadrilateral", "hexahedron"):
                 raise ValueError(
-                    "an integral that is taken by one point stands beside integrals by other "
+                    "an integral with one quadrature point is combined with integrals of other "
                     f"rules over {'' if over_cells else 'facets of '}cells that are not affine "
-                    f"({cell}), which FFCx does not compile correctly: take quadrature_degree 2"
+                    f"({cell}), which FFCx does not compile correctly: use quadrature_degree 2"
                 )
             integral = integral.reconstruct(metadata=at_middle(topology.dim))
         integrals.append(integral)
@@ -311,7 +311,7 @@ class ScalarList:
         self.components: list[Any] = []
 
     def add(self, expression: Any) -> list[int]:
-        """Append the components of an expression and return their numbers."""
+        """Append the components of an expression and return their indices."""
         e = ufl.as_ufl(expression)
         first = len(self.components)
         self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]

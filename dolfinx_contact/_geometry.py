@@ -81,13 +81,13 @@ def rounded(x: Array) -> Array:
 
 
 def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
-    """Return the global numbers of local places of an index map, of any shape."""
+    """Return the global indices of local indices of an index map, as an array of any shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
 
 
 def listed_pairs(lists: Sequence[Sequence[int]]) -> tuple[Ints, Ints]:
-    """Return the pairs (i, k) with k in the list i, as lists of neighbours of points."""
+    """Return all pairs (i, k) with k in ``lists[i]``, as two arrays."""
     sizes = [len(part) for part in lists]
     numbers = np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=sum(sizes))
     return np.repeat(np.arange(len(sizes)), sizes), numbers
@@ -144,8 +144,8 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
     Args:
         x: positions, shape (n, dim).
-        ids: keys distinguishing points at one place, such as the sides of a crack, independent of
-            ranks, shape (n, k); default: none.
+        ids: keys that distinguish points with equal coordinates, such as the sides of a crack,
+            independent of the ranks, shape (n, k); default: none.
     """
     ids = np.zeros((len(x), 0), dtype=np.int64) if ids is None else ids
     least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
@@ -154,7 +154,7 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
 
 def _grouped(values: Array, least: float) -> Ints:
-    """Return the order of each value; neighbours that differ by at most ``least`` are equal."""
+    """Return ordinal numbers of values; neighbours that differ by at most ``least`` are equal."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: Ints = np.zeros(len(values), dtype=np.int64)
@@ -168,11 +168,11 @@ class Gathered:
     Args:
         comm: communicator.
         x: positions of the points of this rank, shape (n, dim).
-        ids: keys distinguishing points at one place (`by_coordinates`), shape (n, k).
+        ids: keys that distinguish points with equal coordinates (`by_coordinates`), shape (n, k).
 
     Attributes:
         positions: positions of all points, in order, shape (number, dim).
-        mine: places of the points of this rank among all points, shape (n,).
+        mine: indices of the points of this rank among all points, shape (n,).
     """
 
     def __init__(self, comm: MPI.Comm, x: Array, ids: Ints) -> None:
@@ -191,16 +191,16 @@ class Gathered:
         return len(self.positions)
 
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return values at all points, in order, from those of this rank. Collective."""
+        """Return the values at all points, in order, given the values on each rank. Collective."""
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Return several arrays, by name, at all points from those of this rank. Collective."""
+        """Return several arrays by name, each as in `__call__`. Collective."""
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
     def owner(self, i: int) -> tuple[int, int]:
-        """Return the rank owning point ``i``, and its number among the points there."""
+        """Return the rank owning point ``i``, and the index of the point on that rank."""
         place = int(self._order[i])
         rank = int(np.searchsorted(self._starts, place, side="right") - 1)
         return rank, place - int(self._starts[rank])
@@ -257,17 +257,17 @@ def along_tangent(v: Array, n: Array) -> Array:
 
 
 def in_space(vectors: Array) -> Array:
-    """Return vectors (m, dim) with three components, 0 along z in 2D."""
+    """Return vectors (m, dim) with three components; the component along z is 0 in 2D."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def ratio(a: Array, b: Array) -> Array:
-    """Return a/b, 0 where b is not positive; both have one shape."""
+    """Return a/b for arrays of one shape; 0 where b is not positive."""
     return np.divide(a, b, out=np.zeros_like(b), where=b > 0)
 
 
 def balls(x: Array) -> tuple[Array, Array]:
-    """Return middles (n, dim) of facets with corners x (n, k, dim), and radii of balls there."""
+    """Return centres (n, dim) and radii of balls around facets with corners x (n, k, dim)."""
     middles = x.mean(axis=1)
     return middles, np.linalg.norm(x - middles[:, None], axis=2).max(axis=1, initial=0.0)
 
@@ -275,7 +275,7 @@ def balls(x: Array) -> tuple[Array, Array]:
 def area_vectors(x: Array) -> Array:
     """Return area vectors (n, dim) of facets with corners x, shape (n, k, dim).
 
-    The order of the corners determines their sense.
+    The order of the corners determines the orientation.
     """
     if x.shape[2] == 2:
         along = x[:, 1] - x[:, 0]

@@ -115,7 +115,7 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
 
 
 def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
-    """Return the error of the lowest failed rank; on that rank the same object. Collective."""
+    """Return the error of the lowest failed rank, on that rank as the same object. Collective."""
     sent = None
     if failure is not None:
         where = f"on rank {comm.rank}{f', in {what}' if what else ''}:\n"
@@ -165,7 +165,8 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
         comm: communicator.
         where: beginning of the message; default: none.
         values: values by name (underscores are shown as blanks), compared by their `repr`. If a
-            value is a function, its return value is compared; it is called on several ranks only.
+            value is a function, its return value is compared; it is called only if there are
+            several ranks.
     """
     if comm.size == 1:
         return
@@ -211,9 +212,9 @@ def collective(
         what: description of the call for notes of errors.
         check: function of the arguments by name, called on each rank, that raises ``ValueError``.
             It may replace arguments, for example an iterator by a list. Default: none.
-        compare: function of the validated arguments returning values to compare, by name,
-            instead of arguments of these names or in addition to them. Functions among the values
-            are called. It is used on several ranks only. Default: none.
+        compare: function of the validated arguments returning values to compare, by name, instead
+            of arguments of these names or in addition to them. Functions among the values are
+            called. It is called only if there are several ranks. Default: none.
         local: names of arguments that may differ between ranks, such as indices of facets.
     """
 
@@ -262,7 +263,7 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
 
 
 class _Words(str):
-    """Text in the place of a value in messages."""
+    """Text shown instead of a value in messages."""
 
     __slots__ = ()
 
@@ -305,13 +306,13 @@ def _comparable(value: Any) -> Any:
 
 
 class SharedValues:
-    """Values at the local places of an index map, owned places first.
+    """Exchange of values at the local indices of an index map, owned indices first.
 
     DOLFINx creates neighbourhood communicators for every vector, a collective call of a millisecond
     or more. This object is therefore reused: it creates one vector for each number of entries.
 
     Args:
-        index_map: index map of the places.
+        index_map: index map, for example of nodes.
     """
 
     def __init__(self, index_map: common.IndexMap):
@@ -323,7 +324,7 @@ class SharedValues:
         self._vectors: dict[int, la.Vector] = {}
 
     def zeros(self, width: int) -> la.Vector:
-        """Return the cached vector with ``width`` entries per place, set to 0.
+        """Return the cached vector with ``width`` entries per index, set to 0.
 
         Collective at the first call. The next call of any method with this width overwrites it.
         """
@@ -334,14 +335,14 @@ class SharedValues:
         return vector
 
     def sums(self, places: npt.NDArray[np.integer], parts: Array) -> Array:
-        """Return sums over all ranks of parts at local places. Collective.
+        """Return the sums of contributions of all ranks. Collective.
 
         Args:
-            places: local places, any shape.
-            parts: values there, shape (*places.shape, *s) with any shape s.
+            places: local indices, any shape.
+            parts: contributions at these indices, shape (*places.shape, *s) with any shape s.
 
         Returns:
-            Sums at the local places, shape (n, *s).
+            Sums at all local indices, shape (n, *s).
         """
         shape = parts.shape[places.ndim :]
         v, rows = self._rows(shape)
@@ -351,11 +352,11 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def marked(self, places: npt.NDArray[np.integer]) -> Mask:
-        """Return the mask of the local places that any rank names, shape (n,). Collective."""
+        """Return a mask of the local indices listed on any rank, shape (n,). Collective."""
         return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:
-        """Return values at the local places (n, *s) from those at owned places. Collective."""
+        """Return values at all local indices (n, *s), given the owned values. Collective."""
         shape = values.shape[1:]
         v, rows = self._rows(shape)
         owned = self.index_map.size_local

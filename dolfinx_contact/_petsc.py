@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """PETSc: options of problems, events and stages of ``-log_view``, errors, matrices, factorisations.
 
-Options in PETSc's database (the command line, PETSC_OPTIONS) take precedence over those of a
+Options in PETSc's database (the command line, PETSC_OPTIONS) take precedence over options of a
 problem. Options that this package reads itself are validated, as are options of SNES that would
 replace the tests and matrices of this package. All others are PETSc's: it reports wrong values. A
 warning names the options of a problem that PETSc has not read; ``-options_left`` lists those of the
@@ -217,7 +217,7 @@ class ProblemOptions:
         return f"PETSc has not read {', '.join(names)}: {reasons}" if names else ""
 
     def beside_newton(self) -> dict[str, str]:
-        """Return the options of the linear solver, with its kind from the database if set there."""
+        """Return the options of the linear solver; the database takes precedence for its kind."""
         found = {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
         kind = self.value("linear_solver")
         return found if kind is None else found | {"linear_solver": kind}
@@ -250,7 +250,7 @@ def as_raised() -> Iterator[None]:
 
 
 def reasons_of(ksp: PETSc.KSP) -> str:
-    """Return the reasons for which KSP, PC and MUMPS ended, in PETSc's names. Collective."""
+    """Return the reasons why KSP, PC and MUMPS ended, by the names of PETSc. Collective."""
     comm = ksp.comm.tompi4py()
     pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]
@@ -291,7 +291,7 @@ def destroy(*objects: Any) -> None:
 
 
 def product(A: PETSc.Mat, values: Array) -> Array:
-    """Return the owned entries of A x; the owned entries of x begin ``values``. Collective."""
+    """Return the owned entries of A x, for x in the first entries of ``values``. Collective."""
     x, y = A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
     A.mult(x, y)
@@ -322,7 +322,7 @@ def require_real() -> None:
         )
 
 
-#: Context whose time and flops are counted as an event of ``-log_view``; its argument is the name.
+#: Context manager that logs time and flops as an event of ``-log_view``, named by its argument.
 logged = PETSc.Log.Event
 
 
@@ -358,7 +358,7 @@ class Entries:
         j = columns[self._kept]
         width = int(j.max(initial=0)) + 1
         places = i * width + j
-        #: Places of the sums; None if every entry has its own place, in order.
+        #: Index of the sum to which each entry contributes; None if no entries are summed.
         self._sums: Ints | None = None
         if not np.all(places[1:] > places[:-1]):
             places, self._sums = np.unique(places, return_inverse=True)

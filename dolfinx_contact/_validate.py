@@ -179,7 +179,7 @@ def word(value: Any, name: str) -> str:
 
 @contextmanager
 def located(where: str) -> Iterator[None]:
-    """Context manager that begins the message of a ``ValueError`` with a place."""
+    """Context manager that prefixes the message of a ``ValueError`` with a location."""
     try:
         yield
     except ValueError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A contact problem with a parameter, as a system of the continuation.
+"""A contact problem with a parameter, as a system for continuation.
 
 The parameter gamma is a Constant of the user's forms: a load factor, a material or friction
 coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
@@ -80,7 +80,7 @@ def _described(a: Arguments) -> dict[str, Any]:
 
 
 class ParametricContact(ReadOnly, ParametricEquations):
-    """Contact problem H(x, gamma) = 0 with a parameter, as a system of the continuation.
+    """Contact problem H(x, gamma) = 0 with a parameter, as a system for continuation.
 
     A piece of H is defined by the statuses of the contact points (`laws.status`): 0 open, 1 stick,
     2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip. With a prescribed friction bound,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem of users: a solve reads Functions, and returns Functions and a result."""
+"""The contact problem: a solve starts from the Functions, overwrites them and returns a result."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ class _LastWrite:
 
 
 class ContactProblem(ReadOnly):
-    """Static equilibrium of a body with unilateral contact and friction on some surfaces.
+    """Static equilibrium of a body with unilateral contact and friction on parts of its boundary.
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
     With friction, use `QuasiStatic` if the contact zone grows with the load (Hertz, indentation):
@@ -217,9 +217,9 @@ class ContactProblem(ReadOnly):
             contact nodes, and updated by `solve` if the stiffness has changed. It affects the
             iterates but not the solution, except in the integral method, whose weak conditions
             depend on it (the effect vanishes under mesh refinement).
-        petsc_options_prefix: options prefix of the SNES, which every strategy creates for itself.
-            The relative tolerance applies to the measures of the residual (`equations.measures`),
-            not to its norm. `Result.attempts` contains the outcome.
+        petsc_options_prefix: options prefix of the SNES; every strategy creates its own SNES. The
+            relative tolerance applies to the measures of the residual (`equations.measures`), not
+            to its norm. `Result.attempts` contains the outcome.
         petsc_options: options of the SNES, named without the prefix; options on the command line
             take precedence.
 
@@ -228,7 +228,7 @@ class ContactProblem(ReadOnly):
         contacts: descriptions of the contact surfaces, as given.
         surfaces: discretised contact surfaces with contact points and multipliers, in the order of
             `contacts`.
-        bcs: Dirichlet conditions, including those on the axis of a body of revolution.
+        bcs: Dirichlet conditions, including the conditions on the axis of a body of revolution.
         energy: UFL energy as given; None if a residual was given.
         equations: residual H as a function of vectors, independent of the Functions.
         petsc_options: options of the SNES, without the prefix.
@@ -521,8 +521,8 @@ class ContactProblem(ReadOnly):
     def restore(self, state: State) -> None:
         """Copy a state to the Functions and the rigid bodies, bitwise. Collective.
 
-        Loads and laws may differ from those with which the state was computed: a frictionless
-        solution, for example, can be the start of a frictional solve.
+        The state may have been computed with other loads and laws: a frictionless solution, for
+        example, can be the start of a frictional solve.
 
         Raises:
             ValueError: on every rank, if the mesh has moved, or the state belongs to another mesh,
@@ -639,7 +639,7 @@ class ContactProblem(ReadOnly):
             yield self.with_memory(state.previous)
 
     def _as_written(self) -> ContactProblem:
-        """The problem with the law under which the Functions were written. Collective.
+        """Return the problem with the law under which the Functions were written. Collective.
 
         In an observer of an evolution, and after the run, this is the law of the last step, as long
         as the Functions are unchanged. Otherwise it is the law of this problem.

@@ -3,7 +3,8 @@ r"""Primal-dual interior-point method for the mixed complementarity problem, in 
 
 With multipliers l and slacks s of friction, Signorini's and Coulomb's conditions are
 
-    y = un >= 0 against rn >= 0,    s >= 0 against l >= 0,    at + sum_j l_j n_j = 0,
+    y = un >= 0 complementary to rn >= 0,    s >= 0 complementary to l >= 0,
+    at + sum_j l_j n_j = 0,
     2D: s = b -+ rt, n = +-1;    3D: s = (b^2 - |rt|^2)/(2 b), n = rt/b;    b = F rn + g,
 
 with the forces r as unknowns and a = A r + c. On the central path, the complementarity products
@@ -39,7 +40,7 @@ _SHORTEST = 1e-10  # step length at which the method fails
 
 @dataclass(frozen=True)
 class InteriorPoint(Algorithm):
-    """Interior-point method; one iteration is one Newton step."""
+    """Primal-dual interior-point method; one iteration is one Newton step."""
 
     name: ClassVar[str] = "interior-point"
     max_iterations: int = 200

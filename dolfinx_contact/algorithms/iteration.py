@@ -68,7 +68,7 @@ class Iteration:
     Args:
         contact: reduced problem.
         limit: maximum number of iterations.
-        tolerance: measure at which an algorithm has converged.
+        tolerance: convergence measure below which an algorithm stops.
         monitor: function called with the measures of every iterate.
 
     Attributes:
@@ -160,7 +160,7 @@ class Iteration:
         """Describe stagnation, or repetition over a whole period; "" if neither occurs."""
         away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
-            return f"stands still at a residual of {worst:.1e}"
+            return f"stagnates at a residual of {worst:.1e}"
         period = next(
             (
                 len(away) - i

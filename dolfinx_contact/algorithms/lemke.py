@@ -7,14 +7,14 @@ acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equal
 in 3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The
 polygon reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k,
 and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of
-the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
+the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z complementary to z >= 0,
 
-    un = A_nn rn + A_nt sum_j b_j d_j + c_n    against rn,
-    l + d_j.ut                                 against b_j,
-    F rn + g - sum_j b_j                       against l.
+    un = A_nn rn + A_nt sum_j b_j d_j + c_n    complementary to rn,
+    l + d_j.ut                                 complementary to b_j,
+    F rn + g - sum_j b_j                       complementary to l.
 
-**Lemke's method ends in a solution for every F >= 0.** z^T M z = r^T A r + F l.rn, since the terms
-with b times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0. Then r = 0
+**Lemke's method ends in a solution for every F >= 0.** z^T M z = r^T A r + F l.rn, since the
+products of b and l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0. Then r = 0
 because A is positive definite, so rn = 0, and the last rows of M z >= 0 give sum_j b_j <= F rn = 0.
 Hence z = (0, 0, l), and q^T z = g.l >= 0. For a copositive M with q^T z >= 0 on that cone the
 method does not end in a ray (Cottle, Pang and Stone, The Linear Complementarity Problem, theorem
@@ -221,7 +221,7 @@ def forces_by_lemke(
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
-    """Solve 0 <= q + M z against z >= 0 by Lemke's method with the lexicographic rule.
+    """Solve z >= 0, q + M z >= 0, z.(q + M z) = 0 by Lemke's method with the lexicographic rule.
 
     Args:
         M: square matrix, shape (n, n).

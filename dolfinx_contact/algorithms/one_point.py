@@ -84,7 +84,7 @@ class _SlipInPlane:
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b, with the sense that violates the law least."""
+        """Return the slip under the load b; of both senses, the one that violates the law least."""
         best = 0.0
         least = inf
         for sign in (1.0, -1.0):

@@ -111,7 +111,7 @@ def solve_semismooth(
 def solve_yielding(
     contact: PointProblem, a: Array, held: Array, stiffness: Array, *, cold: bool
 ) -> tuple[Array, int, bool]:
-    """Solve the compliant contact laws; from a cold start, increase the stiffness gradually.
+    """Solve the compliant contact laws; after a cold start, increase the stiffness gradually.
 
     If the initial state penetrates the obstacle deeply, stiff contact makes slips oscillate. If
     Newton's method fails for a stiffness, a value between this one and the last successful one is

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Proofs about a body, for problems that can be condensed onto the contact points."""
+"""Proofs of uniqueness and completeness for problems condensed onto their contact points."""
 
 from __future__ import annotations
 
@@ -133,8 +133,8 @@ def uniqueness(
 ) -> Uniqueness:
     """Decide whether a solution is unique for the present data. Collective.
 
-    The reduced problem is tried first: certificates and, in 3D, Renard's criterion, which uses the
-    directions of slips and shears. If they do not apply, theorems decide.
+    Certificates for the reduced problem are tried first and, in 3D, Renard's criterion, which uses
+    the directions of slips and shears. If they do not apply, theorems decide.
 
     Args:
         equations: equations of the contact problem.

@@ -273,7 +273,7 @@ def _counted(
 
 
 def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Match branches with solutions at one gamma. Collective.
+    """Match the branches with the solutions at one gamma. Collective.
 
     Each branch is assigned to the nearest solution within its tolerance.
 

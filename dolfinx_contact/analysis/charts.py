@@ -102,7 +102,7 @@ class Chart:
 
     Attributes:
         cells: cells filling the ranges without overlap, by mu and gamma.
-        curves: curves along which cells were divided, or that bound the cells.
+        curves: curves along which cells were divided, or which bound the cells.
         explained: whether the solutions change across each curve as its kind requires, and nowhere
             else; None for a chart of `count_solutions`.
     """
@@ -141,7 +141,7 @@ def solutions_at(
 
     Args:
         family: problem with two parameters.
-        places: points (mu, gamma).
+        places: parameter values (mu, gamma).
         known: statuses of known solutions for each point, where the search starts.
         seconds: time limit of one proof in seconds.
         what: name of the task, for the progress line and error messages.

@@ -7,15 +7,15 @@ r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
-a real v can be added to a sliding solution with this F while all points remain pressed and the slip
-keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and solution
-multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003; Hassani,
-Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem, Math.
-Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip along d:
-mirroring the body changes the sign.
+a real v can be added to a sliding solution with this F as long as all points remain in contact and
+the slip keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
+solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
+Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
+Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
+along d: mirroring the body changes the sign.
 
 A slip v of one sign can be added to every state at the friction bound, even without previous slip,
-while all points remain pressed. A slip v of both signs can be added only if all points have
+as long as all points remain in contact. A slip v of both signs can be added only if all points have
 slipped, up to the smallest of these slips; sliding states under load then also form continua. A
 complex pair gives no continuum.
 
@@ -223,7 +223,7 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
 def held_body(
     eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
 ) -> HeldBody | HeldMultigrid:
-    """Return the body with rows held, and a solver from `solver_of_body`. Collective."""
+    """Return the body with fixed rows and the solver chosen by `solver_of_body`. Collective."""
     if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
@@ -233,7 +233,7 @@ def held_body(
 
 
 def takes_all(dense: bool | None, number: int, kind: str) -> bool:
-    """Return whether all coefficients are computed for this number of points."""
+    """Return whether all coefficients are computed for a given number of points."""
     return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
@@ -307,10 +307,10 @@ class _PressureByShear:
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
         """Compute the eigenvalues of T of largest magnitude, one after the other.
 
-        If the search for the next eigenvalue is unfinished, it bounds from above the magnitudes not
-        yet found. Among close eigenvalues it may find one that is not the largest. With the slips
-        E f and the pressures T f of the kept shears f, the eigenvalues of T on their span are the
-        eigenvalues of (f^T E f)^-1 f^T E T f.
+        An unfinished search for the next eigenvalue still gives an upper bound of the magnitudes
+        not yet found. Among close eigenvalues it may find one that is not the largest. With the
+        slips E f and the pressures T f of the kept shears f, the eigenvalues of T on their span are
+        the eigenvalues of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -333,7 +333,7 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Return the magnitude of the smallest F that the next search may find."""
+        """Return the magnitude of the smallest F that the next search could find."""
         if search.number >= self._slip.number:
             return np.inf
         search.begin()

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Search for curves of folds and events in two parameters, through their meeting points.
+"""Search for curves of folds and events in two parameters, starting from known points.
 
 On a border (`family`) gamma is a function of mu on some intervals. An interval ends where a second
 point reaches a border, or where the first point reaches the apex of its cone; other borders contain
 the same state. Within an interval, a piece next to the border may be singular at some mu. This
 piece then contains a line of solutions with one gamma, whose other end lies on another border; on
-both borders folds turn into events or vice versa. All these meetings are roots of rational
-functions. The curves are followed from one meeting to the next.
+both borders folds turn into events or vice versa. All these meeting points are roots of rational
+functions. The curves are followed from one meeting point to the next.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ def follow_events(
 
 
 class _Search:
-    """Search that proceeds from segment to segment through their meetings.
+    """Search that follows curves segment by segment, through the points where segments meet.
 
     Attributes:
-        meetings: meetings found so far.
+        meetings: meeting points found so far, states at which segments end (`Meeting`).
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class _Search:
     # -- segments --------------------------------------------------------------------------------
 
     def of(self, codes: Codes) -> list[Segment]:
-        """Return the segments of a border."""
+        """Return the curve segments of a border."""
         key = codes.tobytes()
         if key not in self._segments:
             frame = Frame(self.family, codes)
@@ -144,7 +144,7 @@ class _Search:
     # -- meetings --------------------------------------------------------------------------------
 
     def _meeting(self, s: Segment, mu: float) -> Meeting | None:
-        """Return the meeting at an end of a segment; None at the ends of the ranges."""
+        """Return the meeting point at an end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
         w = s.frame.state(mu)
@@ -168,7 +168,7 @@ class _Search:
         return Meeting(mu, gamma, left, right, bool(singular), choices is not None)
 
     def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[Segment, int]]:
-        """Yield the segments of a border ending at a state, with the end: -1 lower, 1 upper."""
+        """Yield the segments of a border that end at a state, with the end: -1 lower, 1 upper."""
         for s in self.of(codes):
             for side, end in ((-1, s.low), (1, s.high)):
                 if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):
@@ -245,7 +245,7 @@ class _Search:
     # -- curves ----------------------------------------------------------------------------------
 
     def result(self) -> EventCurves:
-        """Join consecutive segments to curves."""
+        """Join consecutive segments into curves."""
         after = dict(pair for meeting in self.meetings for pair in self._pairs(meeting))
         curves = []
         for first in [s for s in self._done if s not in after.values()]:
@@ -258,7 +258,7 @@ class _Search:
         return EventCurves(tuple(curves), tuple(meetings))
 
     def _pairs(self, meeting: Meeting) -> Iterator[tuple[Segment, Segment]]:
-        """Yield pairs of a left and a right segment that continue each other through a meeting."""
+        """Yield pairs of a left and a right segment that continue each other at a meeting point."""
         left, right = (
             [s for s in part if s in self._done] for part in (meeting.left, meeting.right)
         )

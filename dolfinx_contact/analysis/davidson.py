@@ -180,7 +180,7 @@ class Davidson:
         return self._w.array_r.copy()
 
     def _improvement(self, r: Array) -> Array:
-        """M r."""
+        """Return M r, the next basis vector."""
         self._Aw.array[:] = r
         self._cycle.apply(self._Aw, self._w)
         self.cycles += 1

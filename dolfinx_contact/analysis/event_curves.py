@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Curves of folds and of events in two parameters, and the strips between their meetings."""
+"""Curves of folds and events in two parameters, and the strips between their meeting points."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """State at which several segments end.
+    """Meeting point: a state at which several segments end.
 
     Attributes:
         mu: second parameter.
@@ -142,7 +142,7 @@ class EventCurve:
 
 @dataclass(frozen=True, eq=False)
 class EventCurves:
-    """Curves in (mu, gamma) and their meetings.
+    """Curves in (mu, gamma) and their meeting points.
 
     Attributes:
         curves: curves of folds, then of events, sorted by mu and gamma.

@@ -63,8 +63,8 @@ class ContactFamily:
         S_error: error bounds of S, shape (2 m, 2 m); None for an exact S.
         p_error: error bounds of the load, shape (2 m,).
         q_error: increase of the error bounds with |gamma|, shape (2 m,).
-        reach: slips up to which sliding is small, shape (m,); infinite on flat obstacles
-            (`reduced.gathered.GatheredPoints`). None means infinite at all points.
+        reach: largest slips for which small sliding is accurate, shape (m,); infinite on flat
+            obstacles (`reduced.gathered.GatheredPoints`). None means infinite at all points.
         comm: communicator of the ranks holding the same family and sharing the work.
     """
 
@@ -81,7 +81,7 @@ class ContactFamily:
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling without the communicator, so that a copy is local."""
+        """Return the state for pickling without the communicator; an unpickled copy is local."""
         return {name: value for name, value in vars(self).items() if name != "comm"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -128,7 +128,7 @@ class ContactFamily:
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return the matrix mapping unknowns of a piece or border to w (m, 4, unknowns)."""
+        """Return the map from the unknowns of a piece or border to w, shape (m, 4, unknowns)."""
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 

@@ -104,7 +104,7 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
 
 
 def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Array:
-    """Sum (v.w)^2 over all rows for each vector v, with the entries w at its node. Collective.
+    """Return the sum of (v.w)^2 over all rows w at the node of each vector v. Collective.
 
     Args:
         rows: matrix R.
@@ -240,9 +240,9 @@ class HeldMultigrid:
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
         """Return the eigenvalue solver of the map f -> p for the load b = D^T f. Collective.
 
-        p is the first block of multipliers. With u = Z w and G w = p, the eigenvalues are those of
-        (D Z)^T G w = mu (Z^T K Z + k R_o^T R_o) w. The body must be `symmetric`. Destroy the
-        returned object before this one.
+        p is the first block of multipliers. With u = Z w and G w = p, the eigenvalues solve (D Z)^T
+        G w = mu (Z^T K Z + k R_o^T R_o) w. The body must be `symmetric`. Destroy the returned
+        object before this one.
 
         Args:
             D: matrix with as many rows as the first block, for which `leaves_alone` is true.

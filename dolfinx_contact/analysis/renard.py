@@ -90,12 +90,13 @@ class Renard:
 
     Attributes:
         factor: factor of the friction coefficients below which a solution with these directions of
-            slip and shear is unique; infinite without friction, or if no point slips or is pressed.
+            slip and shear is unique; infinite without friction, or if no point slips or is in
+            contact.
         friction: corresponding coefficient F_R; None if the coefficient varies between points.
         definite: whether the stiffness is symmetric and positive definite, a condition of the
             criterion.
-        doubt: description of sliding that is not small, for which the criterion does not hold;
-            empty if sliding is small.
+        doubt: description of slips too large for the criterion, which requires small sliding; empty
+            if sliding is small.
         unique: whether the solution is proved unique at its present friction.
     """
 
@@ -106,7 +107,7 @@ class Renard:
 
     @property
     def unique(self) -> bool:
-        """Whether the solution is proved unique; False decides nothing."""
+        """Whether the solution is proved to be unique; False means undecided."""
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 

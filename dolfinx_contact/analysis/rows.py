@@ -122,7 +122,7 @@ def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
 
 
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the point indices (k,) and axes (k, dim) of the free ranges of projectors.
+    """Return the point indices (k,) and axes (k, dim) that span the free ranges of projectors.
 
     Args:
         eq: contact problem.

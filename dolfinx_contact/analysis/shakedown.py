@@ -217,7 +217,7 @@ def shakedown(
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """Return the points under the first load; require equal stiffness and friction for all."""
+    """Return the points under the first load; require equal stiffness and friction of all loads."""
     first = reduced[0]
     size = float(np.abs(first.S).max())
     for points in reduced[1:]:

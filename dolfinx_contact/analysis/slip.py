@@ -212,7 +212,7 @@ class Slip:
 
 
 def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> None:
-    """Raise `ValueError` if rigid obstacles hold a motion of a node twice. Collective.
+    """Raise `ValueError` if rigid obstacles constrain a motion of a node twice. Collective.
 
     If a node touches several obstacles, all its contact points must be loose and have independent
     normals. A point that is not loose determines the motion of its node in all directions.

@@ -32,8 +32,9 @@ class SlipModes:
     """Coefficients F (k,), sorted by magnitude, with slips and shears of all points (m, k).
 
     No F with a magnitude below `known_up_to` is missing. Residuals (k,) are relative. Slips are
-    compared relative to the softness of their points; otherwise the round-off of soft bodies would
-    hide the slips of stiff bodies. Slips below the accuracy of their eigenvector are set to 0.
+    compared relative to the compliance of their points; otherwise the round-off of soft bodies
+    would hide the slips of stiff bodies. Slips below the accuracy of their eigenvector are set to
+    0.
     """
 
     friction: Complex
@@ -99,7 +100,7 @@ class SlipModes:
 
     @property
     def one_signed(self) -> Mask:
-        """Flags of the real F with slips of one sign, shape (k,)."""
+        """Mask of the coefficients that are real and have a slip of one sign, shape (k,)."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
 
 

@@ -168,7 +168,7 @@ def stability_at_rest(
         if points.border == 0:
             return _by_inertia(body, points) if quiet else _by_eigenvalues(body, points)
         if points.rounds or body.unknowns > _LARGEST:
-            reason = "points with friction just touch, and may go anywhere on a surface"
+            reason = "slip directions of grazing points with friction are not enumerated in 3D"
             if not points.rounds:
                 reason = f"{body.unknowns} unknowns are too many"
             return Stability("not decided", border=points.border, reason=reason)
@@ -187,7 +187,7 @@ class _Points:
             (n, dim).
         friction: friction coefficients, shape (n,).
         border: number of points at a border on all ranks.
-        rounds: whether the problem is 3D and a point with friction grazes.
+        rounds: whether the problem is 3D and a point with friction is grazing.
     """
 
     def __init__(self, eq: ContactEquations, evaluation: Evaluation):
@@ -391,9 +391,9 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
         turn = abs(float(fastest.imag))
         return Stability("unstable", float(fastest.real), reason=reason, frequency=turn)
     if (most > 0).any():
-        reason = "an eigenvalue is at the border of growth, or a motion meets no resistance"
+        reason = "an eigenvalue is at the limit of stability, or a motion meets no resistance"
         return Stability("not decided", reason=reason)
-    reason = "no point is at a border, and nothing grows with this mass and damping"
+    reason = "no point is at a border, and no motion grows with this mass and damping"
     return Stability("stable", reason=reason)
 
 
@@ -419,13 +419,13 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
         doubt = reason or doubt
     if growth > 0:
         label: Label = "unstable"
-        reason = "a motion that grows leaves in the cones of the points at a border"
+        reason = "a growing motion lies in the cones of the points at a border"
     elif looked < number:
         label, reason = "not decided", f"{looked} of {number} pieces were examined"
     elif doubt:
         label, reason = "not decided", doubt
     else:
-        label, reason = "stable", f"nothing grows in any of {number} pieces"
+        label, reason = "stable", f"no motion grows in any of {number} pieces"
     return Stability(label, growth, len(border), looked, reason)
 
 
@@ -475,7 +475,7 @@ def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
         else:
             outside.append(float(value.real))
     if (np.diff(np.sort(outside)) <= _DOUBLE * size).any():
-        doubt = "motions that grow alike may leave together where none does alone"
+        doubt = "a combination of motions with equal growth may lie in the cones"
     resistance, motions = np.linalg.svd(K)[1:]
     free = motions[resistance <= _ROUND_OFF * resistance[0]]
     if any(_leaves(g, doing, Z @ v, 0.0) for v in free):

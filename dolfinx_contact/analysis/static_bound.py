@@ -61,10 +61,10 @@ class StaticState:
     """State at rest for one set of open points at the largest load factor.
 
     Attributes:
-        least: smallest factor with such a state; infinite if none exists.
-        lower: largest factor found; infinite if all factors from `least` have a state at rest, -inf
-            if no factor has.
-        upper: upper bound of the factors; equals `lower` up to round-off in the plane.
+        least: smallest factor with a state at rest; infinite if none exists.
+        lower: largest factor found with a state at rest; infinite if all factors above `least` have
+            one, -inf if no factor has one.
+        upper: upper bound of these factors; equal to `lower` in the plane, up to round-off.
         slip: slips w of all points, shape (m, dim - 1); 0 at open points and at points without
             friction.
         displacements: displacements at the corners (K, m, dim), at `lower`.
@@ -387,7 +387,7 @@ def states_at_rest(
 
 
 def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
-    """Scale points and load to units of force and mean stiffness; return the unit of length too."""
+    """Scale points and load to unit force and mean stiffness; also return the unit of length."""
     unit = float(np.diag(points.S).mean())
     S, p, bound = (
         np.asarray(v, np.float64) for v in (points.S / unit, load / force, points.bound / force)
@@ -423,7 +423,7 @@ class _Search:
         return True
 
     def run(self, begin: Mask) -> None:
-        """Search until no set is better, all sets are tried, or the time is over."""
+        """Search until no set is better, all sets have been tried, or the time limit is reached."""
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:

@@ -225,7 +225,7 @@ class SteadySliding(ReadOnly):
         return None
 
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
-        """Replace the last entries by a positive maximum of the growth near the last three."""
+        """Replace the last two entries by a maximum of the growth near them, if it is positive."""
         if len(growths) < 3 or not growths[-3] < growths[-2] > growths[-1]:
             return
         best = minimize_scalar(

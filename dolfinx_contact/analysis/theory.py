@@ -33,7 +33,7 @@ def theory_of(eq: ContactEquations) -> Theory:
     rubs = _coefficients(eq)
     for applies, what in (
         (eq.bulk.linear, "the body is not linear"),
-        (eq.linear, "gap and normal follow the displacement"),
+        (eq.linear, "gap and normal depend on the displacement"),
         (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
         (all(s.points.E is None for s in eq.surfaces), "the law does not hold node by node"),
         (eq.rigid.size == 0, "a rigid body moves"),
@@ -46,8 +46,8 @@ def theory_of(eq: ContactEquations) -> Theory:
         what = "the stiffness is not symmetric and positive definite"
         return Theory(False, False, _NONE + what)
     if not rubs:
-        return Theory(True, True, "one solution: that of least energy, which is strictly convex")
-    return Theory(True, False, "a solution for every coefficient of friction, maybe several")
+        return Theory(True, True, "exactly one solution, the state of least energy")
+    return Theory(True, False, "at least one solution for every coefficient of friction")
 
 
 def _coefficients(eq: ContactEquations) -> bool | None:

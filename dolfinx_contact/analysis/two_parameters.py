@@ -119,7 +119,7 @@ def _condensed(
 
 @contextmanager
 def _put(other: fem.Constant, mu: float) -> Iterator[None]:
-    """Set the second parameter within a context; restore its value afterwards."""
+    """Context manager that sets the second parameter and restores its value afterwards."""
     before = other.value.copy()
     other.value = mu
     try:

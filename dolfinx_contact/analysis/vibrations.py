@@ -50,7 +50,7 @@ Complex = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Body:
-    """Matrices of a body, without rows of Dirichlet data.
+    """Matrices of a body, without the rows of Dirichlet data.
 
     Attributes:
         eq: contact problem.
@@ -137,7 +137,7 @@ class DenseBody:
         rows: matrices with rows of jumps or constraints.
 
     Attributes:
-        free: mask of the free displacements; on rank 0, like all attributes.
+        free: mask of the free displacements; only on rank 0, like all attributes.
         K, M: stiffness and mass of the free displacements.
         C: damping of the free displacements; None for damping eta K.
         rows: matrices ``rows`` with the columns of the free displacements.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Smallest friction with which a body stays wedged without any load.
+r"""Smallest friction coefficient with which a body stays wedged without any load.
 
 A body may keep contact forces after loading and unloading. With the stiffness S of the contact
 points, the body is *wedged* in a nonzero state (u, r) if
@@ -68,10 +68,10 @@ _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1
 
 @dataclass(frozen=True, eq=False)
 class Wedging:
-    """Smallest friction with which a body stays wedged.
+    """Smallest friction coefficient with which a body stays wedged.
 
     Attributes:
-        friction: friction of `state`; infinite if no state was found up to 1000.
+        friction: friction coefficient of `state`; infinite if no state was found up to 1000.
         lower: friction below which provably no wedged state exists; 0 if the search is incomplete.
             In 2D it equals `friction` up to 1e-7.
         complete: whether the search was completed.
@@ -156,7 +156,7 @@ def _scales(S: Array, dim: int) -> Array:
     """Return scaling factors, powers of two, that equalise the stiffness of the points (dim m,).
 
     Let D be their diagonal matrix, with one factor per point. D S D has the same wedged states up
-    to the scaling by D, because cones and gaps of a point have no unit.
+    to the scaling by D, because it leaves the cones and the signs of the gaps unchanged.
     """
     own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
@@ -281,7 +281,7 @@ class _Search:
         self._doubtful: list[Ints] = []
 
     def run(self) -> None:
-        """Search until no region is left or the time is over."""
+        """Search until no region is left or the time limit is reached."""
         self._descend()
         self._begin()
         waiting: list[Ints] = [np.zeros(self.m, dtype=np.int64)]

@@ -130,8 +130,8 @@ class Bulk(Stiffness):
     """Residual and stiffness of a body, evaluated at displacements passed as arguments.
 
     Displacements are arrays of all local values, including ghosts. Symbolic properties of the form,
-    such as affinity, are determined once for all forms with the same signature. Derivatives are
-    expanded when they are first needed.
+    for example whether it is affine in u, are determined once for all forms with the same
+    signature. Derivatives are expanded when they are first needed.
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
@@ -298,7 +298,7 @@ class Bulk(Stiffness):
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
     def residual_at(self, u: Array) -> Array:
-        """Return the owned entries of the residual, always by assembly. Collective."""
+        """Assemble the residual and return its owned entries. Collective."""
         return self.assembled(self.residual_form, u)
 
     def assembled(self, form: fem.Form, u: Array) -> Array:
@@ -331,7 +331,7 @@ class Bulk(Stiffness):
 
     @cached_property
     def _step(self) -> fem.Function:
-        """Step of the Dirichlet data."""
+        """Function of the step of the Dirichlet data."""
         return fem.Function(self._V)
 
     def affine_residual(self, u: Array) -> Array | None:

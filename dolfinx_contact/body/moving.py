@@ -21,7 +21,7 @@ scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1 with k = 1
 
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
-R contains the loads: R(u_1) those at t_1, and R(u_0) those at t_0.
+R contains the loads: R(u_1) the loads at t_1, and R(u_0) the loads at t_0.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ class MovingBody(Stiffness):
         self.reach = 0.0
         self._of: tuple[int, TimeStep] | None = None
         self._take(mass, damping)
-        #: R(0), number of the stiffness assembly, and rows at w_0 computed with them.
+        #: R(0), number of the stiffness assembly, and residual at w_0 computed from them.
         self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
     def take_matrices(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
@@ -208,9 +208,9 @@ class MovingBody(Stiffness):
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self.origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
-        """Return owned rows of the step if the stiffness is up to date, otherwise None. Collective.
+        """Return the owned residual of the step if K is up to date, otherwise None. Collective.
 
-        They equal the rows at w_0, computed once per step, plus the stiffness times w - w_0. See
+        It is the residual at w_0, computed once per step, plus the stiffness times w - w_0. See
         `Bulk.affine_residual`.
         """
         f = self.body.affine_load()
@@ -234,7 +234,7 @@ class MovingBody(Stiffness):
         return product(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Return the derivative of the rows with respect to w; see `Bulk.stiffness`. Collective."""
+        """Return the derivative of the residual by w; see `Bulk.stiffness`. Collective."""
         step = self.step
         K = self.body.stiffness(step.displacement(w, self.origin))
         of = self.body.assemblies, step

@@ -69,7 +69,7 @@ class Parts:
     Args:
         V: space of the displacement.
         axisymmetric: whether the body is a body of revolution.
-        joined: whether to treat all of the mesh as one part.
+        joined: whether to treat the whole mesh as one part.
 
     Attributes:
         of_nodes: index of the part of each local node.

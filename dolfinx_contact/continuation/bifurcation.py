@@ -13,10 +13,9 @@ one solve.
 
 Where the whole matrix is singular, tau changes its sign through infinity, which could cancel the
 change of sign at a bifurcation in the same step. Therefore the median over three pairs of borders
-is
-used: all three values vanish at a bifurcation; where the matrix of one pair is singular, the other
-two pairs decide. With a Krylov method, where every right-hand side costs a solve, one pair is used:
-tau = sign(det J) / |C^T J^{-1} B| with the sign of det J from the solve.
+is used: all three values vanish at a bifurcation; where the matrix of one pair is singular, the
+other two pairs decide. With a Krylov method, where every right-hand side costs a solve, one pair is
+used: tau = sign(det J) / |C^T J^{-1} B| with the sign of det J from the solve.
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ class Rays(FoundRays[AffineRay]):
     """Outgoing rays of a tangent cone.
 
     Attributes:
-        continua: pieces containing continua of rays, each with the elements of `rays` lying in
-            the piece or on its border.
+        continua: pieces that contain a continuum of rays, each with the rays of `rays` in the piece
+            or on its border.
     """
 
     continua: tuple[tuple[Codes, tuple[AffineRay, ...]], ...] = ()

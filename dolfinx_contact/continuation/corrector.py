@@ -246,7 +246,8 @@ class Corrector:
     ) -> PETSc.Vec:
         """Return the tangent at ``y`` of the parabola from ``start`` along ``t``.
 
-        The tangent is scaled to a product of 1 with the last row. Without a start, ``t`` is used.
+        It is an initial guess for J t = (0, 1), so its product with the last row of J is 1. Without
+        a start, or with a direct solver, the result is ``t``.
         """
         if start is None or self.bordered.solver.is_direct:
             return t

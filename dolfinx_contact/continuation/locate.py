@@ -26,7 +26,7 @@ from dolfinx_contact.continuation.system import Events, Piece, fractions_to_bord
 __all__ = ["AT_BORDER", "Locator"]
 
 V = TypeVar("V")
-#: A point of a step: distance from its start along its tangent, and state.
+#: A point of a step: its state, and its distance from the start of the step along the tangent.
 Place = tuple[float, PETSc.Vec]
 
 AT_BORDER = 1e-9  # distance of a located event, relative to the largest distance

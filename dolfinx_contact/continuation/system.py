@@ -336,7 +336,7 @@ class System:
         """
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """Return a context in which the data do not change, so that values may be cached.
+        """Context manager in which the data do not change, so that values may be cached.
 
         Every step of a branch runs in this context. It raises `ValueError` if the mesh has moved.
         """
@@ -353,10 +353,10 @@ class System:
         """Raise `ValueError` if the data are not valid at one of the values ``gammas``."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Return a context restoring the user's data after an error; default: do nothing.
+        """Context manager that restores the user's data after an error; default: do nothing.
 
         Args:
-            always: whether to restore the data in any case.
+            always: whether to restore the data on every exit; default: only after an error.
         """
         return nullcontext()
 
@@ -394,7 +394,7 @@ class Condensed(Protocol):
 
     @property
     def guided(self) -> bool:
-        """Whether points with partly prescribed motion have different statuses in H."""
+        """Whether the statuses of points with partly prescribed motion differ from H."""
 
     def require_finite(self) -> None:
         """Raise ``ValueError`` if a number is not finite."""

@@ -177,10 +177,10 @@ class Constraints:
         return np.where(self._rigid.fixed, values, 0.0)
 
     def reach(self, s: DiscreteSurface, u: Array) -> float:
-        """Gap up to which open points of a surface are expected to close. Collective.
+        """Return the gap up to which open points of a surface are expected to close. Collective.
 
         It is half the distance by which Dirichlet data will move the body along the mean contact
-        normal, as at the edge of a Hertzian contact.
+        normal, which is the approach at the edge of a Hertzian contact.
 
         Args:
             s: contact surface; between bodies either body may approach.
@@ -401,7 +401,7 @@ def _nodes(s: DiscreteSurface) -> Ints:
 
 
 def _node_normals(s: DiscreteSurface) -> Array:
-    """Return the normals at the local multiplier nodes, from those at the vertices."""
+    """Return the normals at the local multiplier nodes, given the normals at the vertices."""
     if s.degrees[1] == 1:
         return s.points.vertex_normals.copy()
     normals = fem.Function(s.points.Q)

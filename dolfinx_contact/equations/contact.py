@@ -151,7 +151,7 @@ class ContactEquations:
 
         Args:
             x: unknowns.
-            statuses: statuses for the laws; default: those determined by the unknowns.
+            statuses: statuses for the laws; default: statuses determined by the unknowns.
         """
         u = self.unknowns.displacement(x)
         q = self.unknowns.motions(x)
@@ -173,7 +173,7 @@ class ContactEquations:
 
         Args:
             x: unknowns.
-            statuses: statuses for the laws; default: those determined by the unknowns.
+            statuses: statuses for the laws; default: statuses determined by the unknowns.
         """
         evaluation = self.evaluate_contact(x, statuses)
         u = evaluation.u
@@ -201,7 +201,7 @@ class ContactEquations:
 
         Args:
             x: unknowns satisfying the Dirichlet conditions.
-            statuses: statuses for the laws; default: those determined by the unknowns.
+            statuses: statuses for the laws; default: statuses determined by the unknowns.
         """
         evaluation = self.evaluate_contact(x, statuses)
         rows = self._law_rows([c.off for c in evaluation.surfaces], x)
@@ -302,8 +302,8 @@ class ContactEquations:
     def read_data(self) -> bool:
         """Read the present values of the Functions and Constants of the user.
 
-        A solve, a question and an evaluation for the user begin with this step, and so does a run
-        or a branch after each change of the load.
+        Every solve, analysis and evaluation begins with this call, and so does a run or a branch
+        after each change of the load.
 
         Returns:
             Whether the data of a surface have changed.
@@ -324,11 +324,11 @@ class ContactEquations:
 
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[Ramp]:
-        """Apply a fraction s of the load within the context, at first 0.
+        """Context manager that applies a fraction s of the load, initially 0.
 
-        Prescribed values are between those of ``x`` and those of the user, and the residual at the
-        start fades: H(x, s) - (1 - s) H(x_0, 0). This residual contains the loads on an unloaded
-        body and the depth of points that begin inside an obstacle.
+        Prescribed values are interpolated between ``x`` and the data of the user, and the residual
+        at the start is reduced: H(x, s) - (1 - s) H(x_0, 0). This residual contains the loads on an
+        unloaded body and the depth of points that begin inside an obstacle.
 
         Args:
             x: unknowns x_0 at the start.
@@ -359,7 +359,8 @@ class ContactEquations:
 
         Args:
             name: name of the warning.
-            text: text of the warning, the same on every rank; empty if there is no objection now.
+            text: text of the warning, the same on every rank; empty if the warning no longer
+                applies.
         """
         if not text:
             self.warnings.pop(name, None)

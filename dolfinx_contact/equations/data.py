@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Data of a contact problem: Functions and Constants whose values users may change between solves.
 
-Every datum has a place in words, for messages.
+Every datum has a description of its occurrence, for messages.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Datum(NamedTuple):
     """A Function or Constant of a problem.
 
     Attributes:
-        place: place of its occurrence, in words.
+        place: description of its occurrence, such as "the normal of HalfSpace of 'floor'".
         value: the Function or Constant.
     """
 
@@ -37,14 +37,14 @@ class Datum(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """Present values, those of a Function with ghosts; a view."""
+        """Present values as a view, with ghosts for a Function."""
         return np.asarray(self.value.x.array if hasattr(self.value, "x") else self.value.value)
 
 
 def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]:
-    """Data of bulk, obstacles, laws, rigid bodies and Dirichlet conditions.
+    """Return the data of bulk, obstacles, laws, rigid bodies and Dirichlet conditions.
 
-    The displacement is not among them. A datum with several places is listed several times.
+    The displacement is not included. A datum that occurs several times is listed several times.
 
     Args:
         eq: contact problem.
@@ -62,7 +62,7 @@ def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]
 
 
 def data_of_surface(s: DiscreteSurface) -> list[Datum]:
-    """Data of the obstacle and of the law of a surface."""
+    """Return the data of the obstacle and of the law of a surface."""
     obstacle = getattr(s.obstacle, "shape", s.obstacle)
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind = type(obstacle).__name__
@@ -78,7 +78,7 @@ def data_of_surface(s: DiscreteSurface) -> list[Datum]:
 
 
 def data_within(expressions: Sequence[Any]) -> list[Datum]:
-    """Data of the expressions by which gamma drives Dirichlet data."""
+    """Return the data of the expressions by which gamma drives Dirichlet data."""
     return [
         d
         for i, e in enumerate(expressions, 1)
@@ -87,7 +87,7 @@ def data_within(expressions: Sequence[Any]) -> list[Datum]:
 
 
 def data_in(e: Any, place: str) -> Iterator[Datum]:
-    """Functions, then Constants, of a UFL form or expression at a place."""
+    """Return Functions, then Constants, of a UFL form or expression described by ``place``."""
     is_form = isinstance(e, ufl.Form)
     functions = e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e)
     return _placed(place, functions, extract_constants(e), e)
@@ -96,7 +96,7 @@ def data_in(e: Any, place: str) -> Iterator[Datum]:
 def _placed(
     place: str, functions: Sequence[Any], constants: Sequence[Any], e: Any = None
 ) -> Iterator[Datum]:
-    """Yield the data of `data_in`, from given Functions and Constants of ``e``.
+    """Yield the data of `data_in` for the Functions and Constants of ``e``.
 
     UFL sorts Constants by their creation. Those of DOLFINx have no name unless the user sets one.
     """

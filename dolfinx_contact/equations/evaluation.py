@@ -144,7 +144,7 @@ class SurfaceEvaluation:
         return np.asarray(turned - self.by_traction @ _turning(n, self.law_traction))
 
     def _present(self, values: Array, other: Array | float = 0.0) -> Array:
-        """Values, replaced by ``other`` at points without an opposing point."""
+        """Return the values, replaced by ``other`` at points without an opposing point."""
         absent = self.kinematics.operator.absent
         if absent is None:
             return values
@@ -276,7 +276,7 @@ class SurfaceTerm:
             u: displacement at all local dofs.
             q: unknowns of the rigid bodies.
             multipliers: owned multipliers, a stress.
-            statuses: statuses for the law, shape (n,); None: those determined by the unknowns.
+            statuses: statuses for the law, shape (n,); None: statuses determined by the unknowns.
         """
         at = self.kinematics(u, q)
         traction = self.surface.points.traction(np.where(self.removed, 0.0, multipliers))
@@ -451,7 +451,7 @@ class RigidTerm(SurfaceTerm):
 
     @cached_property
     def motion_slice(self) -> slice:
-        """Places of the motion of the rigid body among the unknowns q."""
+        """Index range of the motion of the rigid body among the unknowns q."""
         return self.bodies.slices[self.body]
 
     def motion(self, q: Array) -> Array:

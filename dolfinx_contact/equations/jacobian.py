@@ -5,7 +5,7 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
 S has rows only at contact nodes, multipliers and rigid bodies. Rows and columns of Dirichlet dofs
-are empty; those of removed multipliers have a typical stiffness on the diagonal. The pattern of S
+are empty; rows of removed multipliers have a typical stiffness on the diagonal. The pattern of S
 never changes, so new statuses change only its values. For sliding faces it changes with each search
 for opposing facets (`sliding`).
 
@@ -269,7 +269,7 @@ class ContactTerms:
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         eq = equations
-        #: Places of the unknowns, also for the entries of the body.
+        #: Numbering of the unknowns, also used for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
         removed = np.concatenate([c.removed_multipliers for c in eq.constraints.surfaces])
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
@@ -308,7 +308,7 @@ class ContactTerms:
         return any([terms.changed for _, terms in self._sliding])
 
     def set_up(self) -> list[Entries]:
-        """Return the places of the entries. Collective."""
+        """Return the global rows and columns of the entries. Collective."""
         sliding = [part for _, terms in self._sliding for part in terms.set_up()]
         return [self._entries, *sliding]
 
@@ -331,13 +331,13 @@ class ContactTerms:
 
 
 class _Numbering:
-    """Places of dofs among all unknowns, -1 for fixed dofs and removed multipliers.
+    """Global indices of all unknowns, -1 for fixed dofs and removed multipliers.
 
     Unknowns are ordered by rank and then by field.
 
     Attributes:
-        first: place of the first unknown of this rank.
-        rigid: places of the unknowns of rigid bodies, which rank 0 owns.
+        first: index of the first unknown of this rank.
+        rigid: indices of the unknowns of rigid bodies, which rank 0 owns.
     """
 
     def __init__(self, eq: ContactEquations):
@@ -350,20 +350,20 @@ class _Numbering:
         removed = [c.removed_multipliers for c in eq.constraints.surfaces]
         absent = np.concatenate([eq.fixed[: eq.owned_sizes[0]], *removed])
         places[: len(absent)][absent] = -1
-        #: Places of the owned dofs, by field.
+        #: Indices of the owned dofs, by field.
         self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return places of the dofs of global nodes, shape (*nodes.shape, dim). Collective."""
+        """Return the indices of the dofs of global nodes, shape (*nodes.shape, dim). Collective."""
         return self.dof_places(field, self._dim * nodes[..., None] + np.arange(self._dim))
 
     def dof_places(self, field: int, dofs: Ints) -> Ints:
-        """Return places of global dofs. Collective."""
+        """Return the indices of global dofs. Collective."""
         owned = self._owned[field].astype(np.float64)
         return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
     def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
-        """Return places of columns of the stiffness, most of which are owned. Collective.
+        """Return the indices of columns of the stiffness, most of which are owned. Collective.
 
         Args:
             columns: global dofs.

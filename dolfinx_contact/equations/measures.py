@@ -2,10 +2,10 @@
 """Relative residuals of H in physical units, and states that are not physical.
 
 Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
-and slips are compared with the largest displacement. In a body sticking everywhere displacements
-are round-off; the length scale is then the displacement that a contact force would cause at its
-node if all other nodes were held (`held_back`). Thus the test is independent of the user's units,
-and a small contact row cannot hide behind a large force row.
+and slips are compared with the largest displacement. If all contact points stick, displacements may
+be round-off; the length scale is then the displacement that a contact force would cause at its node
+if all other nodes were held (`held_back`). Thus the test is independent of the user's units, and a
+small contact row cannot hide behind a large force row.
 
 All maxima are NaN if one of their values is NaN.
 
@@ -84,7 +84,7 @@ class Measures:
 
     @cached_property
     def worst(self) -> float:
-        """Largest of the three."""
+        """Largest of the three measures."""
         return float(np.max([self.force, self.constraint, self.cone]))
 
 
@@ -173,10 +173,10 @@ def measure(
 
 
 def require_solution(problem: Any, hint: str = "") -> None:
-    """Raise ``ValueError`` unless the state in the Functions solves the problem as it is now.
+    """Raise ``ValueError`` unless the state in the Functions solves the current problem.
 
-    Collective. The statuses are determined again from the unknowns: the rows with the statuses of
-    the last write would remain satisfied after a change of the friction coefficient.
+    Collective. The statuses are determined from the unknowns. Stored statuses would not reveal that
+    the friction coefficient has changed.
 
     Args:
         problem: contact problem, or problem of a step.
@@ -281,7 +281,7 @@ def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
         return ""
     which = "the body" if body >= rigid else "a rigid body"
     return (
-        f"{which} goes away, by {max(body, rigid):.1e} times the size of the body: nothing holds "
+        f"{which} moves away, by {max(body, rigid):.1e} times the size of the body: nothing holds "
         "it against the loads"
     )
 

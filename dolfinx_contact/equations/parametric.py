@@ -56,7 +56,7 @@ _MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batche
 class ParametricEquations(System):
     """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
 
-    Statuses are those of `laws.status`. Evaluations set the Constant gamma and the driven
+    Statuses are defined in `laws.status`. Evaluations set the Constant gamma and the driven
     Functions.
 
     Args:
@@ -139,7 +139,7 @@ class ParametricEquations(System):
 
     @property
     def _driven_expressions(self) -> list[Any]:
-        """Values of these Functions in UFL."""
+        """UFL values of the driven Functions."""
         return [d.expression for d in self._driven]
 
     def not_affine_in(self, other: fem.Constant) -> str:
@@ -346,7 +346,7 @@ class ParametricEquations(System):
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
-        """Mass matrix of one component of u, over the volume and the square of the body size."""
+        """Mass matrix of one component of u, divided by the volume and the squared body size."""
         V = self.equations.V
         u = ufl.TrialFunction(V)
         v = ufl.TestFunction(V)
@@ -422,7 +422,7 @@ class ParametricEquations(System):
 
     @property
     def _ids(self) -> Ints:
-        """Identifiers of points, which also distinguish points at one position, shape (n, k)."""
+        """Keys that also distinguish points with equal coordinates, shape (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)

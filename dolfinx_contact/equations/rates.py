@@ -204,11 +204,12 @@ class RigidRates:
 def dirichlet_rates(constraints: Constraints, driven: Sequence[Driven]) -> Array:
     """Return derivatives of Dirichlet values with respect to gamma. Collective.
 
-    They are given at all local displacement dofs, and are zero where gamma drives nothing.
+    The derivatives are returned at all local displacement dofs; they are zero where the data do not
+    depend on gamma.
 
     Args:
         constraints: Dirichlet conditions.
-        driven: Functions of these conditions that gamma drives.
+        driven: Functions of these conditions that depend on gamma.
     """
     values = [d.function.x.array.copy() for d in driven]
     before = constraints.values(fill=0.0)

@@ -119,7 +119,7 @@ class Scaling:
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
-        """Use the automatic r within the context."""
+        """Context manager in which the automatic r is used."""
         self._augment(None)
         try:
             yield
@@ -127,15 +127,16 @@ class Scaling:
             self._augment(self._forced)
 
     def _augment(self, forced: float | None) -> None:
-        """Set the r of the surfaces, at all points ``forced`` or, for None, the automatic one."""
+        """Set r on all surfaces: ``forced`` at all points, or the automatic r for None."""
         for s, r in zip(self._surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
 
     def _measure(self, K: PETSc.Mat, soft: Array) -> None:
         """Compute the typical stiffness, and r and stiffness at the vertices.
 
-        The stiffness of a vertex is that of its node, with all other nodes held, divided by its
-        area: a traction divided by it is the displacement that the traction would cause.
+        The stiffness of a vertex is the stiffness of its node, with all other nodes held, divided
+        by the area: a traction divided by this stiffness is the displacement that the traction
+        would cause.
 
         The automatic r is close to Young's modulus divided by the size of the touching part of the
         body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
@@ -239,7 +240,7 @@ class Scaling:
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
-    """Return the stiffness of local nodes in series with that of their opposing points."""
+    """Return the stiffness of local nodes and of their opposing points in series."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 

@@ -50,7 +50,7 @@ class Numbering(Protocol):
     """Numbering of the unknowns."""
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return places (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
+        """Return indices (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
 
 
 class _Matrices(NamedTuple):
@@ -294,7 +294,8 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
         facing: pieces.
         by_gap: derivatives of the rows with respect to the gap of the node (p, a, dim).
         by_slip: derivatives of the rows with respect to the slip of the node (p, a, dim, dim).
-        places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
+        places: derivatives of the coordinates eta at which rays meet the master (p, q, dim - 1, c,
+            dim).
         gaps: derivatives of the gaps of the rays (p, q, c, dim).
     """
     p, q, e, c, dim = places.shape
@@ -316,7 +317,8 @@ def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
     Args:
         facing: pieces.
         tractions: tractions at the points times their areas (p, q, dim).
-        places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
+        places: derivatives of the coordinates eta at which rays meet the master (p, q, dim - 1, c,
+            dim).
     """
     p, q, e, c, dim = places.shape
     b = facing.rays.slopes.shape[2]

@@ -126,7 +126,7 @@ def check(
 
 
 def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
-    """Raise ``ValueError`` for data that are not admissible; otherwise adapt to them. Collective.
+    """Raise ``ValueError`` for inadmissible data; otherwise update the scales. Collective.
 
     Args:
         eq: contact problem.
@@ -217,7 +217,7 @@ def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
     """Raise ``ValueError`` if the law of a surface is not valid with its fields. Collective.
 
     Fields must be finite and have the sign that the law requires, the friction bound must not be
-    negative, and the law must have all that it needs under the given memory.
+    negative, and the law must have all data that it needs with the given memory.
 
     Args:
         s: contact surface.
@@ -251,7 +251,7 @@ def _objection_to_fields(s: DiscreteSurface) -> str:
 
 
 def check_times(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if a law lacks something under the memory of the step. Collective."""
+    """Raise ``ValueError`` if a law lacks data for the step, or its duration. Collective."""
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         objection = _objection_to_time(s, memory)
         require(s.comm, not objection, f"{s.name}: {objection}")
@@ -260,8 +260,8 @@ def check_times(eq: ContactEquations) -> None:
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
     """Return the objection to a law whose data are incomplete for a memory. Not collective.
 
-    Missing data are those of `Law.lacks`, and the duration of a step for a law that depends on time
-    (`CompiledLaw.needs_time`).
+    Missing data are listed by `Law.lacks`; a law that depends on time (`CompiledLaw.needs_time`)
+    also requires the duration of a step.
     """
     history = memory is not None and memory.step > 0
     lack = s.law.lacks(history=history)
@@ -281,9 +281,10 @@ def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
 
 
 def check_turn(s: DiscreteSurface, before: Array | None) -> None:
-    """Raise ``ValueError`` if a rigid body turns by half a turn or more in a step. Collective.
+    """Raise ``ValueError`` if a rigid body rotates by 180 degrees or more in a step. Collective.
 
-    Slips on it are known only below half a turn: a whole turn leaves every place as it was.
+    Slips on the body are unique only below half a turn, because a full turn leaves all points in
+    place.
 
     Args:
         s: contact surface.
@@ -350,7 +351,7 @@ def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message about a rigid surface of another order of magnitude; "" if it is not."""
+    """Return a message if the size of a rigid surface differs by orders of magnitude, or ""."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return ""
@@ -364,7 +365,7 @@ def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _warn_of_dragging(eq: ContactEquations) -> None:
-    """Warn once about an obstacle that its Constants move along its surface. Collective."""
+    """Warn once about an obstacle moved along its surface by its Constants. Collective."""
     along = [s.moved_along and STICK in s.law_at_points.codes for s in eq.surfaces]
     still = anywhere(eq.comm, *[not flag for flag in along])
     for s, other in zip(eq.surfaces, still, strict=True):
@@ -392,7 +393,7 @@ def _warn_of_friction(eq: ContactEquations) -> None:
 
 
 def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
-    """Return the place of the first datum that is not finite on some rank, or "". Collective."""
+    """Describe the first datum that is not finite on some rank; "" if there is none. Collective."""
     bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
     return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 

@@ -259,7 +259,7 @@ class PathStepper(Stepper):
     """Stepper of a path.
 
     Args:
-        given: contact problem with its load parameter.
+        given: contact problem with its load parameter gamma.
 
     Attributes:
         system: problem with the memory of the last accepted state.
@@ -496,7 +496,7 @@ class ByArcLength(Rule[PathTask]):
     def _continue_from(
         self, point: BranchPoint, special: Sequence[SpecialPoint], *, at_end: bool
     ) -> tuple[PathEvent, int | None, str]:
-        """Leave an accepted point, unless it is at the end of the range of gamma. Collective.
+        """Choose the direction in which the path leaves an accepted point, or end it. Collective.
 
         Args:
             point: point with the piece and the tangent of the last step.
@@ -527,7 +527,7 @@ class ByArcLength(Rule[PathTask]):
         return event, number, method
 
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
-        """Leave a point in the first direction; end the path without a direction. Collective."""
+        """Continue in the first outgoing direction; end the path if there is none. Collective."""
         self._leaves = None
         if directions.rays:
             self._leaves = self._steps.leave(point, directions.rays[0])

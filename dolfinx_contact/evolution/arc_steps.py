@@ -54,7 +54,7 @@ _SAMPLES = 17  # points at which the cubic of a step is sampled
 
 
 class ArcSteps(ExactSteps):
-    """Steps with the memory of their start; the caller advances the memory at their end."""
+    """Steps along a path, with the memory at their start; the caller then advances the memory."""
 
     @property
     def known(self) -> dict[str, Any]:

@@ -158,7 +158,7 @@ class MotionEnergies(Energies):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceForces:
-    """Values at the contact points of a surface at a state.
+    """Forces, gaps and energies at the contact points of a surface, for the energy balance.
 
     On a rotating rigid body, normals and jumps refer to its frame.
 
@@ -170,7 +170,8 @@ class SurfaceForces:
         springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
         bonds: energies stored in bonds, shape (n,).
         spent: energies dissipated by bonds in the step, shape (n,).
-        at_rest: whether the obstacle does no work: it is another face, or consists of facets.
+        at_rest: whether the obstacle does no work on the body. True for the master of a sliding
+            pair and for surfaces of facets, whose work is not computed.
         obstacle: gaps between the undeformed body and the obstacle, lengths, shape (n,).
     """
 
@@ -200,11 +201,12 @@ class Forces:
         q: unknowns of the rigid bodies.
         outer: forces of loads and supports on the body (owned).
         inner: internal forces of the body (owned).
-        pushes: contact forces on the rigid bodies, conjugate to q.
+        pushes: generalised contact forces on the rigid bodies, conjugate to q.
         energy: energy of the body without the potential of its loads; None if it is unknown.
         surfaces: values at the contact points, by surface.
-        covered: for each owned unknown, the fraction of the area of its point that faces an
-            opposing point; 1 for other unknowns. None without sliding surfaces.
+        covered: for each owned displacement dof, fraction of the area of its contact point that is
+            opposite to the master; 1 for dofs without a contact point. None without sliding
+            surfaces.
     """
 
     equations: ContactEquations
@@ -289,7 +291,7 @@ def _at_surface(s: DiscreteSurface, contact: SurfaceEvaluation) -> SurfaceForces
             springs = force + areas * np.sum(contact.answers.bond("traction") * n, axis=1)
     jump, normal = contact.kinematics.path
     if s.slides:
-        # a point without an opposing point does not move relative to anything
+        # without an opposing point there is no relative motion
         jump = _covered(s, contact)[:, None] * jump
     return SurfaceForces(
         force,

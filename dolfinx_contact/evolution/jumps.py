@@ -150,7 +150,7 @@ def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array
 
 
 def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
-    """Describe the places at which the status differs between two states. Collective."""
+    """Describe the points whose status differs between two states. Collective."""
     words: list[str] = []
     states = zip(before.state.statuses, after.state.statuses, strict=True)
     for s, (old, new) in zip(stepper.problem.surfaces, states, strict=True):
@@ -297,7 +297,7 @@ class _Search:
     def _is_elsewhere(
         self, second: AcceptedState, start: AcceptedState, end: AcceptedState
     ) -> bool:
-        """Return whether the end of two halves replaces the end of the whole step. Collective.
+        """Return whether the end of two half steps replaces the end of the whole step. Collective.
 
         This is the case if the ends differ and the branch of the whole step does not lead to its
         end. Otherwise both ends are equally valid, because the path of friction and damage depends
@@ -456,7 +456,7 @@ def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
 def _with_growing_load(
     follower: Follower, x: PETSc.Vec, departures: FoundRays[BranchPoint]
 ) -> list[BranchPoint]:
-    """Return the rays to follow out of the start, the straightest last. Collective.
+    """Return the rays to follow from the start, the smallest change of direction last. Collective.
 
     The result contains the rays with growing gamma; if none exist, the rays with constant gamma. If
     neither exist and rays may be missing, the result is the start itself, whose first step searches

@@ -128,7 +128,7 @@ class Method:
 
     @property
     def penetrates(self) -> bool:
-        """Whether points may come to rest inside the obstacle, by up to their path in one step."""
+        """Whether points may come to rest inside the obstacle, as deep as they move in one step."""
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 

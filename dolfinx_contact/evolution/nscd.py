@@ -153,7 +153,7 @@ class NSCD(Evolution):
         theta: weight of the end of a step, 1/2 to 1.
         level: ``"position"`` for Signorini's law in terms of the gap, or ``"velocity"`` for
             Moreau's impact law in terms of velocities, with which points may come to rest inside
-            the obstacle, by up to their path in one step (see `motion`).
+            the obstacle, as deep as they move in one step (see `motion`).
         mass: kind of the mass matrix, ``"consistent"``, ``"lumped"`` or ``"redistributed"``,
             without mass at the nodes that may come into contact (see `body.inertia`).
             Redistribution conserves the mass, but moves its centre by a fraction of a cell, so that
@@ -248,7 +248,7 @@ class NSCD(Evolution):
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
-        """Run through times. Collective.
+        """Compute the motion through the given times. Collective.
 
         Args:
             times: increasing times: the start, then times at which steps end. Intervals are divided

@@ -108,7 +108,7 @@ class RateProblem:
         self._finder = RayFinder(corrector, y, self._leads_out)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool) -> FoundRays[Ray]:
-        """Return the directions for a path that arrived at the state.
+        """Return the directions in which a path that arrived at the state can continue.
 
         Args:
             piece: piece of the last step.
@@ -141,7 +141,7 @@ class RateProblem:
         return FoundRays(self._by_newton(piece, reverse), False, _NEWTON)
 
     def from_start(self, piece: Piece, towards: PETSc.Vec) -> FoundRays[Ray]:
-        """Return an outgoing direction of a start.
+        """Return a direction in which a path leaves its start.
 
         Args:
             piece: initial piece of the search.

@@ -55,7 +55,7 @@ H = TypeVar("H", bound=History)
 
 @dataclass(frozen=True, eq=False)
 class RunState:
-    """State of a run between two steps, complete for the next step.
+    """State of a run between two steps, with all data required by the next step.
 
     Attributes:
         accepted: last accepted state.
@@ -86,7 +86,7 @@ class RunState:
 
 
 class Ended(Exception):
-    """Exception that ends a run which no step continues; its text is the reason.
+    """Exception that ends a run if no step continues it; its text is the reason.
 
     Attributes:
         ending: kind of the ending.

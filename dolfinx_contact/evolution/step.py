@@ -54,7 +54,7 @@ _SOLVED = 1e-6  # largest relative residual of a start that counts as a solution
 
 @dataclass(frozen=True, eq=False)
 class AcceptedState:
-    """End of a step, or a start, complete for the next step.
+    """Accepted end of a step, or start of a run, with all data required by the next step.
 
     Attributes:
         state: state; the next step starts from its memory.
@@ -440,7 +440,7 @@ class Stepper:
 
 
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
-    """Return the relative residual of a state; 0 if it carries only round-off. Collective.
+    """Return the relative residual of a state; 0 if its forces are round-off. Collective.
 
     A state without displacements and forces defines no scale. Then forces count as zero if they
     move a node by less than 1e-12 of the body size.

@@ -592,6 +592,6 @@ class ToRest(ThroughTimes):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """Return the end of the first of equal steps to ``end``, each at most ``length`` long."""
+    """Return the end of the first of the equal steps to ``end``, each at most ``length`` long."""
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps

@@ -132,7 +132,8 @@ def explorer(
         Path of the page.
 
     Raises:
-        OSError: if the record cannot be read or the page cannot be written; an earlier page stays.
+        OSError: if the record cannot be read or the page cannot be written; an existing page is
+            then unchanged.
         ValueError: if an argument is out of its range, a label belongs to no column, or the record
             is damaged or has no point yet.
         ModuleNotFoundError: if plotly is not installed.
@@ -285,7 +286,7 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
     def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Describe the columns; removes functionals and scales from ``content``."""
+        """Return descriptions of the columns; remove functionals and scales from ``content``."""
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         scales = content.pop("scales", {})
@@ -331,7 +332,7 @@ def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
 
 
 def _statuses() -> dict[str, dict[str, str]]:
-    """Names, colours and kinds of statuses, by letter."""
+    """Return names, colours and kinds of statuses, by letter."""
     kinds = {letter: kind for kind, letters in status.KINDS.items() for letter in letters}
     return {
         letter: {
@@ -344,7 +345,7 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _without_tex(text: str) -> str:
-    r"""Return formulas between dollars as plain text: ``$\gamma_1$`` as "γ₁".
+    r"""Return a label with formulas between dollars as plain text: ``$\gamma_1$`` becomes "γ₁".
 
     An index with characters that are not in `_SUBSCRIPTS` stays behind its underscore.
     """
@@ -365,7 +366,7 @@ def _script(name: str, kind: str, content: str) -> str:
 
 
 def _json(content: Any) -> str:
-    """Return JSON that can stand in a script: no tag can begin or end in it."""
+    """Return JSON that is safe inside a script element, because it contains no HTML tag."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

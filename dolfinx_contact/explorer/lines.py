@@ -51,7 +51,7 @@ class DiagramData:
     """The lines of a journal.
 
     Attributes:
-        kind: kind of the record, in words.
+        kind: description of the kind of the record.
         along: column over which the lines are plotted: gamma, time or arc.
         columns: names of all columns.
         functionals: names of columns requested by the user, or contact forces.
@@ -140,7 +140,7 @@ def _branches(journal: Journal) -> DiagramData:
 
 
 def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
-    """A special point of a branch, at a point or between it and the preceding point."""
+    """Return the mark of a special point, at a point or between it and the preceding point."""
     gamma = float(special.gamma)
     share = 1.0
     if index > 0:
@@ -210,5 +210,5 @@ def _span(values: Array) -> float:
 
 
 def _number(value: Any) -> float:
-    """A number of a row; NaN for other values."""
+    """Return a value of a row as a number; NaN if it is not a number."""
     return float(value) if isinstance(value, int | float) else float("nan")

@@ -35,7 +35,7 @@ class Arrays:
 
     Attributes:
         data: deflated content in base64, by name.
-        formats: how a page decodes it, by name: ``dtype``, ``shape``, and whether each row is
+        formats: data required for decoding, by name: ``dtype``, ``shape``, and whether each row is
             stored as its bitwise difference (``xor``) from the preceding row.
     """
 

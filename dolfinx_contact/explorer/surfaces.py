@@ -101,7 +101,7 @@ def _field(
 
 
 def _scale(largest: float, size: float) -> float:
-    """Factor 1, 2 or 5 times a power of ten for small motions, 1 for others."""
+    """Return the magnification of small displacements: 1, 2 or 5 times a power of ten."""
     if largest <= 0 or largest >= _SMALL * size:
         return 1.0
     most = _SHOWN * size / largest
@@ -143,14 +143,14 @@ def _face(
 
 
 def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
-    """Find the closest facet of each point and the weights of its corners at the closest place.
+    """Find the closest facet of each point, and barycentric weights of its closest point.
 
     Args:
         corners: corners of facets, shape (m, k, 3).
         points: points, shape (n, 3).
 
     Returns:
-        Numbers of facets (n,) and nonnegative weights (n, k).
+        Indices of facets (n,) and nonnegative weights of their corners (n, k).
     """
     count = min(_CANDIDATES, len(corners))
     candidates = cKDTree(corners.mean(axis=1)).query(points, range(1, count + 1))[1].reshape(-1)
@@ -159,7 +159,7 @@ def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
     best = np.full(len(own), np.inf)
     weights = np.zeros(facets.shape[:2])
     k = facets.shape[1]
-    # The closest place lies inside a triangle, an edge or a corner.
+    # The closest point lies inside a triangle, on an edge or at a corner.
     for chosen in (c for n in range(1, min(k, 3) + 1) for c in combinations(range(k), n)):
         origin = facets[:, chosen[0]]
         edges = facets[:, chosen[1:]] - origin[:, None]
@@ -176,7 +176,7 @@ def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
 
 
 def _distances(x: Array, facets: Cells) -> Array:
-    """Distances (f, 2) of both ends of the edges of a face in 2D along the face, part by part."""
+    """Return the arc lengths (f, 2) of both ends of the edges of a 2D face, part by part."""
     distances = np.zeros(facets.shape)
     begin = 0.0
     for numbers, vertices in curves(facets):
@@ -245,7 +245,7 @@ def _add_obstacle(
     at the closest points of the face.
 
     Returns:
-        Largest error of a vertex, and its largest way since the first state.
+        Largest error of a vertex, and largest displacement of a vertex since the first state.
     """
     name = face["name"]
     facets = surface.contact[name]

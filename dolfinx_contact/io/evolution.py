@@ -116,7 +116,7 @@ class EvolutionSeries(Observer):
         self.step(step)
 
     def _write(self, row: dict[str, Any], time: float, state: State | None) -> None:
-        """Write a row of the table, and fields if it is their turn. Collective."""
+        """Write a row of the table, and in every ``every``-th step the fields. Collective."""
         if self._count is None:
             raise ValueError(
                 "an EvolutionSeries writes only in its context: with EvolutionSeries(...) as "

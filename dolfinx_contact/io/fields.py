@@ -42,8 +42,8 @@ __all__ = [
     "write_fields",
 ]
 
-# Distance of evaluation points from a corner, relative to the way to the middle of the cell. FFCx
-# rounds entries of its tables within 1e-6 of 1 to 1.
+# Distance of evaluation points from a corner, relative to the distance to the middle of the cell.
+# FFCx rounds entries of its tables within 1e-6 of 1 to 1.
 _INSIDE = 1e-5
 
 
@@ -148,7 +148,7 @@ def von_mises(stress: Any) -> Any:
     if shape != (3, 3):
         raise ValueError(
             f"the von Mises stress needs a 3 x 3 UFL stress, got {shape or stress!r}; in 2D pass "
-            "material.full_stress(u), which knows the stress across the plane"
+            "material.full_stress(u), which includes the out-of-plane stress"
         )
     return ufl.sqrt(1.5 * ufl.inner(ufl.dev(stress), ufl.dev(stress)))
 
@@ -274,7 +274,7 @@ def of_cells(e: Any, domain: mesh.Mesh) -> Any:
 
 
 def _jumps_by_place(e: Any) -> bool:
-    """Return whether an expression contains a conditional of the position."""
+    """Return whether an expression contains a conditional that depends on the position."""
     conditions = (n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Condition))
     return any(
         isinstance(node, ufl.classes.SpatialCoordinate)

@@ -52,7 +52,7 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
     """Create the folder ``path`` if necessary and test that it is writable. Collective.
 
     Raises:
-        OSError: on every rank, if the folder cannot be made or written to.
+        OSError: on every rank, if the folder cannot be created or written to.
         ValueError: on every rank, if the path differs between ranks.
     """
     folder = agreed_path(comm, path, "folder")

@@ -188,9 +188,9 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
     """Gather the facets of an obstacle, or the facets opposite to a surface. Collective.
 
     Returns:
-        ``cells``, and at their vertices the present position ``floor``, the displacement ``moved``
-        and the normal ``n`` into the obstacle; an empty dictionary on other ranks than 0 if they
-        are opposite to the surface.
+        ``cells``, and at their vertices the current position ``floor``, the displacement ``moved``
+        and the normal ``n`` into the obstacle. Facets opposite to the surface are returned on rank
+        0 only, and an empty dictionary on other ranks.
     """
     if s.obstacle.outline is not None:
         x, facets, n = s.obstacle.outline

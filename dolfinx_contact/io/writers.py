@@ -70,16 +70,16 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
 class Writer:
     """Writer of a series of states, with a script ``paraview.py`` that shows them. Collective.
 
-    The first state opens the files. Later states are copied to its Functions. At the end of the
-    context, the files replace earlier files of the same names, in both formats. After an error
-    earlier files remain.
+    The first state opens the files with its Functions; the values of later states are copied to
+    these Functions. At the end of the context, the new files replace earlier files of the same
+    names, whether VTX or VTK. After an error earlier files remain.
 
     Args:
         comm: communicator.
         folder: output folder, created if necessary.
         format: format of the files.
-        prefix: beginning of the names of the files of a series; earlier files of the series are
-            all removed.
+        prefix: common prefix of the file names of a series; all earlier files with this prefix are
+            removed at the end.
 
     Attributes:
         files: final paths of the files; empty before the first state.
@@ -182,7 +182,7 @@ class Writer:
             raise
 
     def _on_root(self, do: Callable[[], None]) -> None:
-        """Call a function on rank 0; errors name final paths, not the hidden ones. Collective."""
+        """Call a function on rank 0; errors contain final paths, not hidden paths. Collective."""
 
         def done() -> None:
             try:
@@ -196,7 +196,7 @@ class Writer:
         on_root(self._comm, done)
 
     def _replace(self) -> None:
-        """Replace earlier files by the new ones. On rank 0."""
+        """Replace earlier files by the new files. On rank 0."""
         if self._first:
             _write_script(self._part, self.folder, {stem: self._name(stem) for stem in self._first})
         new = sorted(self._part.iterdir(), key=lambda p: (not p.is_dir(), p.name))  # folders first
@@ -235,10 +235,10 @@ def _keep_alive(writer: io.VTXWriter) -> None:
 def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
     """Write ``paraview.py``, which shows files in its folder. On rank 0.
 
-    A file of that name that is no such script is kept, with a warning.
+    An existing ``paraview.py`` that this package has not written is kept, with a warning.
 
     Args:
-        part: folder in which it is written.
+        part: temporary folder in which the script is written.
         folder: final folder, stored in the script because ParaView does not always pass the path of
             a script.
         files: names of the files by part.
@@ -283,7 +283,7 @@ def _is_of_adios(folder: Path) -> bool:
 
 
 def _files_of(folder: Path, stem: str) -> set[Path]:
-    """Return the existing files of fields in both formats; files of VTK name one another."""
+    """Return the existing files of fields in both formats; VTK files refer to each other."""
     bp = folder / f"{stem}.bp"
     found = {bp} if _is_of_adios(bp) else set()
     names = [f"{stem}.pvd"]

@@ -220,7 +220,7 @@ class RCCM(Law):
         return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Return the borders at which the bond stops changing; without friction the point slips."""
+        """Return the borders to statuses with a constant bond; without friction, points slip."""
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))

@@ -31,8 +31,8 @@ class PointData:
         gap: initial gaps, shape (n,).
         r: augmentation parameters, shape (n,).
         fields: values of the fields of the law by name, shape (n,) each.
-        turn: derivatives of the normals with respect to the displacement of the points, shape
-            (n, dim, dim); None if the normals are fixed.
+        turn: derivatives of the normals with respect to the displacement of the points, shape (n,
+            dim, dim); None if normals do not depend on it.
         moved: derivatives of the jump with respect to the displacement, shape (n, dim, dim), if
             normals turn; None if the jump equals the displacement.
     """
@@ -77,7 +77,7 @@ class Spreading:
 
 
 class Answers:
-    """Answers of a law to jumps and tractions at n points, for every status.
+    """Tractions that a law requires at given jumps and tractions (answers), for every status.
 
     Args:
         law: compiled law.
@@ -135,7 +135,7 @@ class Answers:
 
     @property
     def missed(self) -> Array:
-        """Distance to the nearest admissible status, measured as a traction, shape (n,).
+        """Distance to the nearest admissible status, a traction, shape (n,).
 
         It is 0 if the status of the point is admissible.
         """

@@ -4,7 +4,7 @@ r"""Laws of Coulomb and Tresca at the points of a reduced problem, on NumPy arra
 A point has the displacement a = (ut, un), with tangential components first, and the force r = (rt,
 rn) on the body. The laws are
 
-    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
+    0 <= un, 0 <= rn, un rn = 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
 F is Coulomb's coefficient and g a prescribed bound (Tresca). With an augmentation parameter k,
 force per length, they are equivalent to r = P(r - k a), where P projects onto rn >= 0 and then onto

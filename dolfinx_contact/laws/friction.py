@@ -109,7 +109,7 @@ class FrictionLaw(Law):
 
 
 class _Slip:
-    """Slip with a slip distance that is nonnegative up to round-off.
+    """Law of slip in which a negative slip distance counts as zero, up to round-off.
 
     Thus stick and slip have one common border for every jump and traction, and friction always
     opposes the slip. The radius is extended smoothly to slightly negative slip distances.

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Interfaces defined by a surface energy and a dissipation potential.
 
-The framework is that of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975),
-extended to interfaces by Del Piero and Raous (Eur. J. Mech. A/Solids 29, 2010). The state consists
-of the jump, split into opening [u_n] >= 0 and tangential jump [u_t], and of internal variables a.
-The surface energy is Psi([u_n], [u_t], a). The dissipation potential Phi(|[u_t]'|, a'; state, chi)
-is convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
+The framework of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975) was extended
+to interfaces by Del Piero and Raous (Eur. J. Mech. A/Solids 29, 2010). The state consists of the
+jump, split into opening [u_n] >= 0 and tangential jump [u_t], and of internal variables a. The
+surface energy is Psi([u_n], [u_t], a). The dissipation potential Phi(|[u_t]'|, a'; state, chi) is
+convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
 
     R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
     R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
@@ -162,7 +162,7 @@ class Interface(Potentials):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return the interface at an open or closed point, for a family of statuses."""
+        """Return energy and dissipation at an open or closed point, for one state of the bond."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
@@ -191,7 +191,7 @@ class Interface(Potentials):
         }
 
     def _now(self, a: ContactPoint) -> InterfacePoint:
-        """Return the interface at the current state."""
+        """Return the energy and dissipation at the current state."""
         is_open = ufl.lt(a.u_n, 0.0)
         known = [self._values(a, side) for side in (True, False)]
         values = {x.name: _chosen(is_open, *(k[x.name] for k in known)) for x in self.internal}
@@ -231,7 +231,7 @@ class Interface(Potentials):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders to other families of statuses."""
+        """Return the borders to statuses with another state of the bond."""
         x = self.weakening
         if x is None:
             return []
@@ -269,7 +269,7 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, code: int, family: int, distance: Any, where: Any
 ) -> Iterator[Border]:
-    """Yield the borders to the status with the same contact and friction in another family.
+    """Yield the borders to the status with the same contact and friction and another bond state.
 
     If friction is zero, the target status is slip.
     """

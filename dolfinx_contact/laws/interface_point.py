@@ -164,7 +164,7 @@ class InterfacePoint(FrictionLaw):
 
     @property
     def traction(self) -> Any:
-        """Traction on the body from the energy."""
+        """Traction on the body derived from the surface energy."""
         return self._pull * self._a.n - self._along
 
     def scale(self, name: str) -> Any:
@@ -276,7 +276,7 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def soft(self) -> ContactPoint:
-        """Contact point for contact and friction, without the traction of the energy.
+        """Contact point for contact and friction, without the traction from the surface energy.
 
         Springs count as additional augmentation, so that pressure and shear decrease when the body
         moves away, for any spring stiffness.

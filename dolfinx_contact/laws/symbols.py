@@ -158,7 +158,7 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Return the names of data in memory used in expressions; vectors with all components."""
+        """Return the names of memory data used in expressions; of vectors, all components."""
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)

@@ -99,11 +99,11 @@ class _Around:
     """Cells around the nodes of the crack.
 
     Attributes:
-        near: numbers of the cells.
-        cells: their nodes, the new ones after `split`.
-        corners: places of the nodes of the facets of a cell.
-        ids: numbers of their facets, shape (cells, facets of a cell).
-        tagged: numbers of the tagged facets, -1 for facets of other cells.
+        near: indices of the cells.
+        cells: nodes of these cells, shape (cells, nodes of a cell); `split` replaces them.
+        corners: local indices of the nodes of each facet of a cell.
+        ids: indices of the facets of these cells, shape (cells, facets of a cell).
+        tagged: indices of the tagged facets, -1 for facets that belong to none of these cells.
     """
 
     def __init__(self, whole: WholeMesh, cell: basix.CellType, marked: Mask):
@@ -117,21 +117,22 @@ class _Around:
         self.tagged = np.where(np.isin(ids[self.ids.size :], self.ids), ids[self.ids.size :], -1)
 
     def nodes(self, cells: Ints, places: Ints) -> Ints:
-        """Return the nodes of facets, given by cells and places in these."""
+        """Return the nodes of facets, given by their cells and local facet indices."""
         return self.cells[cells[:, None], self.corners[places]]
 
     def split(self, crack: Ints, marked: Mask) -> tuple[Ints, Mask]:
         """Give every fan of cells a node of its own.
 
         Args:
-            crack: numbers of the facets through which cells are not connected.
+            crack: indices of the facets through which cells are not connected.
             marked: mask of the nodes of the crack.
 
         Returns:
-            Nodes that new ones are copies of, and the mask of the old and new nodes at one place.
+            Nodes that were duplicated, one entry per copy; and mask of all nodes, old and new, that
+            share their position with another node.
         """
         n, k = self.cells.shape
-        # a corner of a cell is connected with a node of a facet, and so with the corner beyond it
+        # a corner of a cell is connected to a node of a facet, and thus to the corner beyond it
         at = np.broadcast_to(np.arange(n)[:, None, None], (*self.ids.shape, self.corners.shape[1]))
         places = np.broadcast_to(self.corners, at.shape)
         used = ~np.isin(self.ids, crack)[:, :, None] & marked[self.cells][at, places]
@@ -206,7 +207,7 @@ def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) 
 
 
 def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
-    """Raise ``ValueError`` if a group branches or does not open; warn of facets that do not."""
+    """Raise ``ValueError`` if a group branches or cannot open; warn about facets that cannot."""
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
     for tag in tags:
@@ -241,7 +242,7 @@ def _sides(
     nodes = around.nodes(cells, places)
     number = np.unique(around.ids[cells, places], return_inverse=True)[1]
     m = len(cells)
-    # items with a common doubled node are on one side
+    # items with a common duplicated node are on one side
     item, node = np.nonzero(several[nodes])
     patch = connected_parts(m + len(several), item, m + nodes[item, node])[:m]
     by_facet = np.argsort(number, kind="stable").reshape(-1, 2)

@@ -85,7 +85,7 @@ class GmshMesh(NamedTuple):
             contact = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(0.4))
             load = ufl.dot(traction, u) * body.ds("side")
 
-        and parts of the body, as of two materials::
+        and parts of the body, for example of two materials::
 
             energy = steel.energy(u) * body.dx("wheel") + rubber.energy(u) * body.dx("tyre")
     """
@@ -114,7 +114,7 @@ class GmshMesh(NamedTuple):
     def bounds(self, name: str) -> Array:
         """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
-        For an empty group it is infinity and minus infinity. Raises errors like `facets`.
+        For an empty group the bounds are infinity and minus infinity. Errors are as in `facets`.
         """
         facets = self.facets(name)
         dim = self.facet_tags.dim
@@ -208,10 +208,10 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
     require(
         domain.comm,
         not inside,
-        f"the group {name!r} has {inside} of {count} facets inside the body, and ds is for those of"
-        ' its boundary: interior facets belong to dS = ufl.Measure("dS", body.mesh, '
-        f"subdomain_data=body.facet_tags), of this group dS({tag}) (on several ranks DOLFINx needs "
-        "a mesh with ghost cells for it)",
+        f"the group {name!r} has {inside} of {count} facets inside the body, but ds covers only"
+        ' its boundary: integrate over interior facets with dS = ufl.Measure("dS", body.mesh, '
+        f"subdomain_data=body.facet_tags), over this group dS({tag}) (on several ranks DOLFINx "
+        "needs a mesh with ghost cells for it)",
     )
 
 
@@ -328,7 +328,7 @@ def empty_model(gmsh: Any) -> Iterator[Any]:
 
 
 def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str]) -> None:
-    """Draw, or raise ``ValueError``. On rank 0."""
+    """Call ``draw``; raise ``ValueError`` if it fails. On rank 0."""
     try:
         draw()
         if model.getNumberOfPartitions():  # DOLFINx makes a partition of its own
@@ -391,7 +391,7 @@ def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]
     x = model.mesh.getNodes()[1].reshape(-1, 3)
     groups = model.getPhysicalGroups()
     if not len(x):
-        yield "it has no mesh: gmsh.model.mesh.generate() makes it, .msh files hold it"
+        yield "it has no mesh: call gmsh.model.mesh.generate(), or read a .msh file"
     if not groups:
         yield (
             "it has no physical groups: name the body and the parts of its boundary, in gmsh by "

@@ -214,7 +214,7 @@ def _check_states(a: Arguments) -> None:
 
 
 def _loads(a: Arguments) -> dict[str, Any]:
-    """Return gamma and time of the points, whose arrays belong to one rank."""
+    """Return gamma and time of the points, to compare the points between ranks."""
     loads = [[getattr(point, name, None) for name in ("gamma", "time")] for point in a.points]
     return {"points": loads}
 

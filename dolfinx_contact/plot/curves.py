@@ -78,7 +78,7 @@ def draw_polar(
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        curves: angles (radians) and radii by name. Infinite radii are left out.
+        curves: angles (radians) and radii by name. Infinite radii are omitted.
         title: title of the picture, default none.
         label: label of the radius.
 
@@ -129,14 +129,14 @@ def draw_chart(
 ) -> Axes:
     """Draw the solutions over two parameters. Not collective.
 
-    Each cell has the colour of its number of solutions, or with ``names`` that of its set of
-    statuses. Cells without a proof of the number are hatched: there are at least this many
-    solutions. Curves of folds are thick, those of events thin, and a dot marks a cusp.
+    Each cell has the colour of its number of solutions or, with ``names``, of its set of statuses.
+    Cells without a proof of the number are hatched: there are at least this many solutions. Curves
+    of folds are thick, curves of events thin, and a dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         chart: result of `count_solutions` or `solution_regions`.
-        curves: curves of folds and events, default those of the chart.
+        curves: curves of folds and events; default: curves of the chart.
         names: names of the sets of statuses, for the legend; default: numbers of solutions.
         labels: labels of the axes, TeX between dollars.
         title: title of the picture, default none.

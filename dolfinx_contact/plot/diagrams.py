@@ -73,7 +73,7 @@ def draw_diagram(
             dotted lines with the number of solutions and whether it is proved.
 
     Returns:
-        The figure. The first axes have the functionals, the others the strips.
+        The figure. Its first axes contain the functionals, the others the strips.
 
     Raises:
         ModuleNotFoundError: if matplotlib is not installed.
@@ -134,7 +134,7 @@ def _labels(
 
 
 def _status_name(journal: Journal, branch: int) -> str:
-    """Name of a branch by the statuses at its last point, such as "branch 0: 3 stick, 2 open"."""
+    """Return a name with the statuses at the last point, such as "branch 0: 3 stick, 2 open"."""
     words = status.summary(journal.columns(branch)["status"][-1])
     return f"branch {branch}: {words}" if len(words) <= _LONGEST_NAME else f"branch {branch}"
 

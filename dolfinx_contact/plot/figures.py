@@ -75,7 +75,7 @@ def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure
 
 
 def save(drawing: Drawing, file: File) -> None:
-    """Write a figure or the view of a plotter; without a file do nothing. Not collective.
+    """Write a figure or the view of a plotter; do nothing without a file. Not collective.
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.

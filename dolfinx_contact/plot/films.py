@@ -97,7 +97,7 @@ def film(
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
         scale: factor of the displacement, default 1; see `picture_of_body`.
         title: title, before the time or the load of a state, or its text.
-        rate: frames a second, default 10.
+        rate: frames per second, default 10.
         size: largest width and height of a frame in pixels, default 900.
         **look: field, view, clip, arrows, region, edges, units: see `Look`. Without a stress and
             ``field`` the displacement is shown. A field is evaluated in each state if it is a UFL
@@ -166,7 +166,7 @@ def film_of_contact(
         size: see `film`.
 
     Returns:
-        The file. Errors are those of `film` and `picture_of_contact`.
+        The file. Errors are as in `film` and `picture_of_contact`.
 
     Example:
         ::
@@ -219,7 +219,7 @@ def _shots(
 
 
 def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
-    """Iterate over states, also of steps; an error is raised on every rank. Collective."""
+    """Iterate over states, or the states of steps; raise errors on every rank. Collective."""
     iterator = iter(states.steps if isinstance(states, History) else states)
     while True:
         with everywhere(comm, "the states of a film"):
@@ -258,7 +258,7 @@ def _written(
 
 
 def _pixels(drawing: Drawing, size: int) -> npt.NDArray[np.uint8]:
-    """Image (height, width, 3) of even size of a figure, or of a plotter, which is closed."""
+    """Return the image (height, width, 3) of a figure or plotter, with even height and width."""
     if hasattr(drawing, "canvas"):
         drawing.set_dpi(size / max(drawing.get_size_inches()))
         drawing.canvas.draw()

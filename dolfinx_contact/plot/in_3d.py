@@ -24,7 +24,7 @@ from dolfinx_contact.results.outer_surface import Cells
 __all__ = ["draw_3d", "ensure_display"]
 
 _UP = np.eye(3)[2]
-_SHARP = 35.0  # angle between facets, in degrees, from which on their edge is sharp
+_SHARP = 35.0  # smallest angle between facets at a sharp edge, in degrees
 _RIM = dict(non_manifold_edges=False, manifold_edges=False)
 _HEAD, _FOOT, _SIDE = 60.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
 _SLACK = 10.0  # pixels around the visible points in which meshes are drawn
@@ -278,7 +278,7 @@ def _draw_scale(plotter: pv.Plotter, unit_of_length: str, frame: Array, pixels: 
 
 
 def ensure_display() -> None:
-    """Make sure that VTK can open a window, if need be on a virtual display. Not collective.
+    """Ensure that VTK can open a window, if necessary on a virtual display. Not collective.
 
     VTK with X11 as its only window system (Debian's) aborts the process if it cannot connect to an
     X server. Therefore the connection is tried first, and Xvfb is started if it fails. With a

@@ -212,7 +212,7 @@ def _limits(values: Array) -> tuple[float, float]:
 
 
 def check_units(units: Mapping[str, str] | None) -> None:
-    """Raise ``ValueError`` for units of other quantities than lengths and stresses."""
+    """Raise ``ValueError`` for units of quantities other than length and stress."""
     for quantity in units or {}:
         one_of(quantity, "the quantity of a unit", ("length", "stress"))
 

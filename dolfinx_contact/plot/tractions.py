@@ -56,8 +56,8 @@ if TYPE_CHECKING:
 
 __all__ = ["check_surface", "contact_data", "draw_contact", "picture_of_contact"]
 
-_ZERO_FORCE = 1e-10  # relative to stiffness times displacement
-_LITTLE = 1e-6  # relative to the largest traction
+_ZERO_FORCE = 1e-10  # force that counts as zero, relative to stiffness times displacement
+_LITTLE = 1e-6  # traction that counts as zero, relative to the largest one
 _TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 1e-6  # height over length up to which a curve is drawn over its coordinate
 _PANEL = 800.0  # pixels of the longer side of a map, about
@@ -295,7 +295,7 @@ def _draw_curve(frame: _Frame) -> Figure:
 def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str]]:
     """Return positions along the curves of a face in 2D, which grow along t = (-n_y, n_x).
 
-    A closed curve is cut at the facet opposite to its touching part, which is left out.
+    A closed curve is cut at the facet opposite to its touching part; this facet is omitted.
 
     Args:
         data: see `contact_data`.
@@ -397,7 +397,7 @@ def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.s
 def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
     """Project a surface along the coordinate axis closest to its mean normal where it touches.
 
-    Facets that are turned away, as behind a closed surface, are left out.
+    Facets that face away, such as the far side of a closed surface, are omitted.
 
     Returns:
         Positions of the vertices (m, 2), the facets, and the labels of both axes.
@@ -415,7 +415,7 @@ def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
 
 
 def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
-    """Draw arrows at the vertices, one in each square of a grid, with an arrow of the largest."""
+    """Draw arrows at the vertices, one in each square of a grid, and a key with the largest."""
     size = np.linalg.norm(vectors, axis=1)
     if not largest:
         return

@@ -50,9 +50,9 @@ class Faces:
     """Flat facets: segments, triangles or quadrilaterals.
 
     Attributes:
-        x: corners, shape (n, k, dim); those of quadrilaterals are in tensor order.
+        x: corners, shape (n, k, dim), in tensor order for quadrilaterals.
         normals: outward unit normals, shape (n, dim).
-        nodes: global nodes of the displacement, those at the corners first, shape (n, m).
+        nodes: global nodes of the displacement, shape (n, m), beginning with the corners.
     """
 
     x: Array
@@ -166,7 +166,7 @@ def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int 
 
 
 def basis(x: Array, corners: int, degree: int) -> Array:
-    """Return the Lagrange basis of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
+    """Return the Lagrange basis of facets with 2, 3 or 4 corners at coordinates (..., dim - 1)."""
     return tabulated(_element(corners, degree), x)[0]
 
 
@@ -195,7 +195,7 @@ def tangents(corners: Array, slopes: Array) -> Array:
 
     Args:
         corners: corners of facets, shape (n, k, dim).
-        slopes: derivatives of the linear basis at places, shape (n, q, k, dim - 1).
+        slopes: derivatives of the linear basis at q reference points, shape (n, q, k, dim - 1).
     """
     return corners.transpose(0, 2, 1)[:, None] @ slopes
 
@@ -217,13 +217,13 @@ def cover(
 ) -> Cover:
     """Return the covered parts of slave facets. Not collective.
 
-    If master facets lie over each other, the nearest count, up to the area of the slave facet.
-    Slave facets that are barely covered do not count.
+    Where several master facets lie above each other, the nearest ones count, up to the area of the
+    slave facet. Slave facets that are barely covered do not count.
 
     Args:
         slave: slave facets of this rank.
         master: master facets that may oppose some of them.
-        pairs: numbers of slave and master facets that may oppose each other, shape (n, 2).
+        pairs: indices of slave and master facets that may oppose each other, shape (n, 2).
         deepest: largest overlap of the bodies, one length or one per slave facet.
         farthest: largest distance of the bodies.
         least: covered fraction of a slave facet below which it does not count.
@@ -271,7 +271,7 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
-    """Return the pieces that count: of layers the nearest ones, up to the area of the facet.
+    """Return the pieces that count: the nearest ones of several layers, up to the facet area.
 
     Master parts that overlap slightly, such as adjacent bodies whose meshes do not quite fit, are
     not layers, and all of them count.
@@ -302,7 +302,7 @@ def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
     ends = np.roll(clip, -1, axis=1)
     for edge in range(clip.shape[1]):
         polygon = _cut(polygon, clip[:, edge], ends[:, edge])
-    # corners at the place of the next one are left out
+    # corners that coincide with the next one are left out
     step = np.roll(polygon, -1, axis=1) - polygon
     far = np.linalg.norm(step, axis=2) > _SLIVER * np.sqrt(size)[:, None]
     polygon, count = _kept(polygon, far)
@@ -366,7 +366,7 @@ def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
 
 
 def _reference(corners: Array, x: Array) -> Array:
-    """Return reference coordinates in facets (n, k, dim - 1) of points of their plane (n, q)."""
+    """Return reference coordinates in facets (n, k, dim - 1) of points (n, q) in their planes."""
     k, width = corners.shape[1:]
     xi: Array = np.full(x.shape, 0.5)
     for _ in range(1 if k == width + 1 else _STEPS):  # one step is exact in simplices

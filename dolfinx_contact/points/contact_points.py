@@ -102,7 +102,8 @@ class ContactPoints(ABC):
         number_everywhere: number of points on all ranks.
         areas: areas W of the points (lengths in 2D), shape (n,).
         positions: positions, shape (n, dim).
-        ids: keys distinguishing points at one place on any number of ranks, shape (n, k).
+        ids: keys that distinguish points with equal coordinates, independent of the number of
+            ranks, shape (n, k).
         data: normals, gaps, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, shape (n,); the mixed method has averages in `data`.
         aside: tangential part of the average of g n in the mixed method, shape (n, dim).
@@ -112,7 +113,7 @@ class ContactPoints(ABC):
         vertices: scalar P1 space on the submesh.
         trace_dofs: node of the displacement at each local multiplier node.
         vertex_trace_dofs: node of the displacement at each local vertex.
-        facets: facets owned by this rank, at any displacement.
+        facets: facets owned by this rank, with their geometry at any displacement.
         geometry: areas of the local vertices, sizes of the facets.
         exchange: exchange of values at the points and their ghosts between ranks.
         vertex_gaps: gaps at the local vertices.
@@ -220,7 +221,7 @@ class ContactPoints(ABC):
 
     @abstractmethod
     def _give(self, given: Mask, idle: Mask) -> Mask:
-        """Give away functions of vertices; see `give`. Collective."""
+        """Distribute basis functions of vertices to their neighbours; see `give`. Collective."""
 
     @abstractmethod
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
@@ -263,7 +264,7 @@ class ContactPoints(ABC):
 
     @property
     def choices(self) -> list[float]:
-        """Further numbers that records compare. Collective."""
+        """Further data of the discretisation that records compare. Collective."""
         if self.removed_overlap is None:
             return []
         # without the digits that depend on the number of ranks
@@ -290,7 +291,7 @@ class ContactPoints(ABC):
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
     def own(self, evaluate: Evaluator) -> dict[str, Array]:
-        """Return values at the points of this rank. Collective."""
+        """Return values of an evaluator at the points of this rank, without ghosts. Collective."""
         return {name: v[: self.number] for name, v in evaluate().items()}
 
     def rates(self, evaluators: Evaluators) -> tuple[PointData, Array]:
@@ -356,7 +357,7 @@ class ContactPoints(ABC):
 
         Args:
             opposite: opposing points of the nodes.
-            sections: areas around the vertices; those in the section for a body of revolution.
+            sections: areas around the vertices; for a body of revolution, areas in the section.
             averaged: areas of the points in the mixed method; None in the others.
         """
         areas = averaged
@@ -369,7 +370,7 @@ class ContactPoints(ABC):
         return SurfaceGeometry(self.vertices, areas, areas / sections, self._swept, covered)
 
     def _swept(self) -> Array:
-        """Return exact areas of the local vertices, swept by bodies of revolution. Collective."""
+        """Return the exact swept areas of local vertices of a body of revolution. Collective."""
         ds = measure_of(self._V.mesh, self.submesh.parent_facets, self._exact_degree)
         return PointEvaluator(self.vertices, ds, {}, self._maps, self._weight).areas
 
@@ -387,16 +388,17 @@ class ContactPoints(ABC):
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
-        """Give the functions of vertices to the vertices around them, once. Collective.
+        """Distribute basis functions of vertices to the vertices around them, once. Collective.
 
         See `shared_functions`.
 
         Args:
-            given: mask of the local vertices, ghosts included.
-            idle: mask of the local vertices that receive none, as they have no multiplier either.
+            given: mask of the local vertices whose basis function is distributed, ghosts included.
+            idle: mask of the local vertices that receive no basis function, because they have no
+                multiplier.
 
         Returns:
-            Mask of the vertices whose functions could be given away.
+            Mask of the vertices whose basis function could be distributed.
         """
         return self._give(given, idle) if any_rank(self.comm, given) else given
 

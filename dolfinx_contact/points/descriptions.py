@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Descriptions of contact: which facets may touch an obstacle, another face or themselves.
 
-A description holds its arguments and nothing else. `ContactProblem` discretises it; the contact
-points, the multiplier and all results belong to the problem, so that one description can serve
-several problems.
+A description only stores its arguments. `ContactProblem` discretises it; the contact points, the
+multiplier and all results belong to the problem, so that one description can serve several
+problems.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class Overlap:
 
     @classmethod
     def of(cls, contact: Any) -> Overlap:
-        """Return the overlap of a description or its arguments, or raise ``ValueError``."""
+        """Return the treatment of overlaps that a description requests, or raise ``ValueError``."""
         name, given, removed = contact.name, contact.interference, contact.remove_overlap
         if given is None:  # a rigid obstacle pushes out, and a removed overlap is not
             most = np.inf if removed is None else 0.0
@@ -368,9 +368,8 @@ class ContactSurface:
         law: law of contact and friction.
         tag: tag of the facets; for a mesh from gmsh also the name of a physical group.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); default:
-            nodal for degree 1 and mixed for degree 2, but integral for degree 2 where gap and
-            normal of a curved obstacle follow the displacement (``sliding``), and for multipliers
-            of degree 2.
+            nodal for degree 1 and mixed for degree 2, but integral for degree 2 in large sliding on
+            a curved obstacle (``sliding``), and for multipliers of degree 2.
         multiplier_degree: degree of the multiplier, 1 or 2; 1 is stable for both displacement
             degrees.
         quadrature_degree: quadrature degree of the integral and the mixed method; default: twice
@@ -383,8 +382,8 @@ class ContactSurface:
             pushed out, or the largest allowed depth, a length. If it is False, an overlap of 5 % of
             a facet or more is an error. Default: allowed, with a warning (indicator `overlap`) if
             the depth exceeds 5 % of the smallest extent of the body.
-        remove_overlap: length; an initial overlap up to this value is subtracted from the gap for
-            good, so that the points touch the obstacle at the start, without stress. A larger
+        remove_overlap: length; an initial overlap up to this value is permanently subtracted from
+            the gap, so that the points touch the obstacle at the start, without stress. A larger
             overlap is an error.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
             (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
@@ -438,15 +437,15 @@ class ContactPair:
     rail).
 
     Faces *match* if every node of the slave has a node of the master opposite to it, at the same
-    place or across a gap along the normal. At the end of a crack slave and master share nodes,
+    position or across a gap along the normal. At the end of a crack slave and master share nodes,
     which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, in the
     integral and the mixed method, by Gauss points of the common parts of slave and master facets.
-    Nodes of the slave without an opposing point carry no contact. A facet
-    counts with its covered part; facets covered by less than 5 % are dropped.
+    Nodes of the slave without an opposing point carry no contact. A facet counts with its covered
+    part; facets covered by less than 5 % are dropped.
 
-    Pairs may meet, as the arms of crossing cracks or the joints between blocks do. Where the jumps
-    around such a crossing depend on each other (`points.shared_functions`), the crossing carries no
-    contact of its own (status d): its neighbours along each arm take its part, so that uniform
+    Pairs may meet, for example at crossing cracks or joints between blocks. Where the jumps around
+    such a crossing depend on each other (`points.shared_functions`), the crossing carries no
+    contact of its own (status d): its neighbours along each arm carry its share, so that uniform
     tractions are transmitted. Each arm needs two facets between a crossing and its end or the next
     crossing, multipliers of degree 1, and matching faces.
 
@@ -487,8 +486,9 @@ class ContactPair:
         interference: whether the bodies may overlap in the mesh, as in a press fit, where the
             overlap presses them together; or the largest overlap, a length. Default: an overlap is
             an error.
-        remove_overlap: length; an overlap up to this value at a slave node is subtracted from its
-            gap for good, so that the bodies touch there without stress. A larger one is an error.
+        remove_overlap: length; an overlap up to this value at a slave node is permanently
+            subtracted from its gap, so that the bodies touch there without stress. A larger one is
+            an error.
         method: see `ContactSurface`.
         multiplier_degree: see `ContactSurface`.
         quadrature_degree: see `ContactSurface`.
@@ -532,14 +532,14 @@ class ContactPair:
 @_declared("self-contact", _check_self, ("facets",))
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SelfContact:
-    """A face that may touch itself, wherever it moves.
+    """A face that may touch itself, with displacements of any size.
 
     It corresponds to a `ContactPair` with ``sliding="large"`` whose slave and master are one face,
     and has the same limits. Of two facets that face each other, the one whose midpoint lies farther
-    along ``direction`` in the mesh is the slave, so that each place counts once. Choose the
-    direction so that parts that will meet lie apart along it: for a ring that is pressed flat from
-    above, the default makes its upper half the slave. A facet does not oppose itself, facets that
-    share a node with it, facets that face the same way, and facets behind it through the body.
+    along ``direction`` in the mesh is the slave, so that each contact is counted once. Choose the
+    direction such that parts that will touch are apart along it: for a ring that is pressed flat
+    from above, the default makes its upper half the slave. A facet does not oppose itself, facets
+    that share a node with it, facets that face the same way, and facets behind it through the body.
     Where the body is thinner than ``search_distance``, the initial overlap must be less than half
     its thickness T, or less than (d + T)/2 at facets starting at a depth d inside the body.
 

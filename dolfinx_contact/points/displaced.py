@@ -13,35 +13,35 @@ opposite to x_o at the last accepted state, or in the reference configuration wi
 
     y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o).
 
-It is turned with the normal, but not about it: where a face spins about the normal, the
-slip is the chord of the step, whose angle is the indicator `spin`. Points that keep their place on
-the obstacle do not slip. For a law without friction, the slip is all of (I - n n^T) d.
+It rotates with the normal, but not about it: where a face spins about the normal, the slip is the
+chord of the step, and the angle is the indicator `spin`. Points that remain at the same material
+point of the obstacle do not slip. For a law without friction, the slip is (I - n n^T) d.
 
 With two normals o and n at an angle theta, the arc of constant curvature between y_o and y is
 longer than its chord c by theta/2 / sin(theta/2). Its tangents make half that angle with the chord,
-in the plane of both normals; across that plane nothing turns. The slip along the surface, in its
-tangent plane at y and turned there by the smallest rotation that takes o to n, is therefore
+in the plane of both normals; components perpendicular to this plane are not rotated. The slip along
+the surface, rotated into the tangent plane at y by the smallest rotation from o to n, is therefore
 
     s = P c - (A c.(n - o) + D c.(n + o)) P o,    c = y - y_o,    P = I - n n^T,
     A = (a - C)/(4 C q),    D = 1/(4 C^2),    q = sin^2(theta/2),    C = cos(theta/2),
     a = theta/2 / sin(theta/2).
 
-It is the arc itself on planes, circles, spheres and circular cylinders, up to half a turn;
-elsewhere a curvature that changes leaves an error of higher order. It is zero if y = y_o.
+On planes, circles, spheres and circular cylinders this is the exact arc, up to half a turn;
+elsewhere, a variable curvature causes an error of higher order. The slip is zero if y = y_o.
 
-A rigid body sees points in its own frame: with its displacement d_0 and its rotation Q about X_0,
-of any angle,
+On a rigid body, positions refer to its frame: with its displacement d_0 and its rotation Q about
+X_0, of any angle,
 
     x = X_0 + Q^T (X + u - X_0 - d_0),
 
-so that points sticking to a turning body do not slip; jumps and normals are turned by Q for the
-law. Moving an obstacle by Constants changes its shape and place but not its material points: both y
-and y_o belong to its present position, and its tangential motion drags nothing.
+so that points sticking to a rotating body do not slip; jumps and normals are rotated by Q for the
+law. Moving an obstacle by Constants changes its shape and position but not its material points:
+both y and y_o are computed for its current position, and its tangential motion causes no slip.
 
 Derivatives of gap, normal and slip with respect to x are exact.
 
-A removed overlap o of the reference configuration does not belong to the gap: j contains g(x) + o.
-The places y on the surface are unaffected.
+If an overlap o of the reference configuration is removed, j contains g(x) + o. The points y on the
+surface do not depend on o.
 
 `TrueGaps` returns the distances of the displaced points to the obstacle, independent of the law.
 """
@@ -88,11 +88,11 @@ _SERIES = (2 / 3, 1 / 5, 3 / 28, 5 / 72, 35 / 704)
 
 
 def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
-    """Return whether gap and normal of an obstacle follow the displacement of a surface.
+    """Return whether gap and normal of an obstacle are evaluated at displaced points.
 
-    Those of a plane never do, since its gap is exact in the reference configuration. By default
-    they do not for linear bodies, for rigid bodies that turn, whose motions are then small, and for
-    obstacles known in the reference configuration only.
+    Planes are always evaluated at reference points, where the gap is exact; so are opposing faces.
+    Linear bodies, rotating rigid bodies, whose motions are then small, and obstacles that are
+    defined in the reference configuration only are evaluated there by default.
 
     Args:
         obstacle: obstacle of the surface.
@@ -114,7 +114,7 @@ def displaced_points(
     law: LawAtPoints,
     name: str,
 ) -> DisplacedPoints:
-    """Return gap, normal and slip at displaced points of an obstacle that `follows`. Collective.
+    """Return gap, normal and slip at displaced points of a curved obstacle. Collective.
 
     Args:
         points: contact points.
@@ -138,7 +138,7 @@ def displaced_points(
             "the obstacle is known only in the reference configuration: it needs a method at",
         ),
         (not free, "a rigid body that turns freely turns little; hold or prescribe its rotation"),
-        (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
+        (points.method != "mixed", "gaps of mixed contact are averages; use another method"),
         (law.law.averaging is None, f"{given} averages the pressure around points"),
         (not (friction and bonded), f"{given} has bonds"),
         (
@@ -206,15 +206,15 @@ class DisplacedPoints:
         self._no_gap = _ROUND_OFF * maximum(points.comm, np.abs(points.positions))
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
-        """Return the obstacle for the sliding face, with a removed overlap."""
+        """Return the obstacle with its gap past a rim, which depends on a removed overlap."""
         return self._whole.ended(lambda: (self._points.geometry.facet_widths, _removed(removed)))
 
     def starts(self, most: float) -> tuple[Array, Array]:
-        """Return gaps of the undeformed body on an obstacle that ends. Collective.
+        """Return gaps of the undeformed body on an obstacle with a rim. Collective.
 
-        If an overlap is removed, points below the rim and past it have their height over the rim as
-        their gap, like the face next to them. Points that the obstacle does not hold have it only
-        if the face is turned towards the obstacle.
+        If an overlap is removed, the gap of a point past the rim and below it is its height over
+        the rim, as for the adjacent part of the face. A point that has left the obstacle has this
+        gap only if the face is turned towards the obstacle.
 
         Args:
             most: largest removed overlap; 0 for none.
@@ -385,9 +385,9 @@ def _slip_along(way: Any, before: Any, normal: Any) -> Any:
     """Return the slip s in UFL, a vector perpendicular to the present normal.
 
     Args:
-        way: chord c from the earlier to the present opposing place.
-        before: unit normal o at the earlier place.
-        normal: unit normal n at the present place.
+        way: chord c from the earlier to the present opposing point.
+        before: unit normal o at the earlier opposing point.
+        normal: unit normal n at the present opposing point.
     """
     turned = normal - before
     both = normal + before

@@ -75,7 +75,7 @@ class Operator(ABC):
         """
 
     def normal_rate(self, v: Array) -> Array | None:
-        """Return the derivative along v of the normals (n, dim); None if only jumps change them."""
+        """Return the derivative along v of the normals (n, dim); None if B does not change them."""
         return None
 
     def mean_around(self, tractions: Array) -> Array:
@@ -84,7 +84,7 @@ class Operator(ABC):
 
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:
-        """Return B^T W t, forces on the owned displacement dofs, flat."""
+        """Return B^T W t, the forces on the owned displacement dofs, as a flat array."""
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
@@ -92,7 +92,7 @@ class Operator(ABC):
 
     @abstractmethod
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """Return B for one component.
+        """Return the matrix of B for one component.
 
         Args:
             comm: communicator.
@@ -208,7 +208,7 @@ def own_nodes(V: fem.FunctionSpace, nodes: Indices) -> NodeWeights:
 
 
 def scaled_rows(A: PETSc.Mat) -> Array:
-    """Divide the rows of a matrix by their sums, if positive, and return these. Collective."""
+    """Divide the rows of a matrix by their sums, if positive; return the sums. Collective."""
     by = A.getRowSum()
     sums: Array = by.array.copy()
     by.array[:] = 1 / np.where(sums > 0, sums, 1.0)
@@ -244,7 +244,7 @@ def multiplied(A: PETSc.Mat, values: Array) -> Array:
 
 
 def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
-    """Return the transpose of A times values, flat. Collective."""
+    """Return the transpose of A times values, as a flat array. Collective."""
     x, y = A.createVecs()
     y.array[:] = values.reshape(-1)
     A.multTranspose(y, x)

@@ -39,13 +39,14 @@ class Kinematics:
     Attributes:
         operator: B at the state.
         jump: jump in the law, shape (n, dim).
-        reference: part of the jump that memory hides from the law, shape (n, dim).
+        reference: part of the jump that the memory subtracts before the law is evaluated, shape (n,
+            dim).
         data: data of the law, with normals and gaps at the state.
-        place: displacement of points following a curved obstacle, in its frame, shape (n, dim);
-            None for other points.
-        frame: rotation of that frame, shape (dim, dim); None if it does not turn.
-        motion: motion of the rigid body with which the frame turns, shape (k,); None if it does not
-            turn.
+        place: displacement of the points in the frame of a curved obstacle in large sliding, shape
+            (n, dim); None otherwise.
+        frame: rotation of this frame, shape (dim, dim); None if it does not rotate.
+        motion: motion of the rigid body to which the frame belongs, shape (k,); None if the frame
+            does not rotate.
         memory: memory of the points at the beginning of the step; None under the static law.
     """
 
@@ -76,7 +77,7 @@ class Kinematics:
 
     @property
     def whole(self) -> Array:
-        """Total jump, including the part hidden by memory, in the frame of the obstacle."""
+        """Total jump in the frame of the obstacle, including the part that the memory subtracts."""
         jump = self.jump + self.reference
         return jump if self.frame is None else jump @ self.frame
 

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Memory of the contact points at the last accepted state.
 
-In a quasi-static evolution friction opposes the slip rate, not the total slip. The law of a step
-from t_n to t_n+1 sees the jump
+In a quasi-static evolution friction opposes the slip rate, not the total slip. In a step from t_n
+to t_n+1 the law is evaluated at the jump
 
     j - (I - n n^T) j_n,
 
 whose normal part is total and whose tangential part is the increment since the accepted state n
 (implicit Euler in the slip velocity; rate-independent friction needs no time). Here n is the
 present normal and j the motion relative to the obstacle, so the motion of a rigid body is
-subtracted. On a curved obstacle in large sliding the increment follows its surface, from the place
-where the point was on it (`displaced`), and the memory has j_n in the frame of the obstacle.
+subtracted. On a curved obstacle in large sliding, the increment is measured along its surface
+(`displaced`), and the memory contains j_n in the frame of the obstacle.
 
-A memory is frozen: H reads it, and nothing in a solve writes it. Accepting a step makes a new
-memory, rejecting a step keeps the old one. It also contains the fields that a law remembers (such
-as the intensity of an adhesion); such a law sees the whole of j_n and the duration of the step,
-because friction acts on increments and adhesion on total jumps. Laws depending on the distance
-slipped in contact find it there too: it is summed over the accepted steps and never decreases.
+A memory is frozen: solves read it and never change it. An accepted step creates a new memory; a
+rejected step keeps the old one. The memory also contains internal variables of the law, such as the
+intensity of adhesion. A law with internal variables also receives j_n and the duration of the step,
+because friction acts on increments and adhesion on total jumps. For laws that depend on it, the
+memory contains the slip distance in contact, which is summed over the accepted steps and never
+decreases.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class Memory:
             (``SLID`` of `laws.symbols`) if the law depends on it, shape (n,) each.
         step: time from that state to the present one.
         gap: gap in the law, shape (n,), for laws on velocities; None for others.
-        displacement: displacement of the owned nodes at that state, shape (nodes, dim), of faces
-            that slide over each other; None for others.
+        displacement: displacement of the owned nodes at that state in large sliding of pairs, shape
+            (nodes, dim); None otherwise.
         place: displacement of the points at that state in the frame of a curved obstacle that they
             follow, shape (n, dim); None for others.
         motion: motion at that state of the rigid body to which the frame belongs, shape (k,); None

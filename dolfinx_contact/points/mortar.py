@@ -8,10 +8,10 @@ With W = sum d the jump of a node at a corner is
 
     j_p = u_p - 1/W_p sum_k (int psi_p N_k) u_k,
 
-whose weights sum to zero: constants and, on faces that coincide, linear fields are reproduced to
-round-off however the faces are cut, and so uniform tractions are (Wohlmuth, SIAM J. Numer. Anal.
-38, 2000; Popp, Gee and Wall, Int. J. Numer. Methods Eng. 79, 2009).
-All integrals of a body of revolution have the weight 2 pi r.
+whose weights sum to zero. Constants, uniform tractions and, on faces that coincide, linear fields
+are reproduced to round-off however the faces are cut (Wohlmuth, SIAM J. Numer. Anal. 38, 2000;
+Popp, Gee and Wall, Int. J. Numer. Methods Eng. 79, 2009). All integrals of a body of revolution
+have the weight 2 pi r.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
-    """Return rows of all nodes of facets (n, k), means of the rows of corners. Collective."""
+    """Return rows for all nodes of facets (n, k), as means of the rows for corners. Collective."""
     n = A.getLocalSize()[0]
     scaled_rows(A)
     shares = basis(nodal_points(corners, 2), corners, 1)

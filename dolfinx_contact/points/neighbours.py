@@ -29,7 +29,7 @@ __all__ = ["LawAmongPoints", "Neighbours"]
 
 
 class Neighbours:
-    """The matrix N of a surface, made at its first use.
+    """Averaging matrix N of a surface, assembled on first use.
 
     Args:
         points: contact points of the surface.
@@ -44,7 +44,7 @@ class Neighbours:
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """N; made again after areas were given from held ends to their neighbours. Collective."""
+        """N; assembled again after areas of held ends were redistributed. Collective."""
         points, kernel = self._points, self._kernel
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas

@@ -2,9 +2,9 @@
 """Facets of another body that a surface may touch, and the points opposite to its nodes.
 
 The surface whose facets carry the contact points is the *slave*, the opposite facets are the
-*master*. Where their nodes match, at the same places or across a gap, jumps are differences of two
-traces: at nodes, at Gauss points or averaged. Otherwise a `mortar` gives the weights of the nodes,
-and Gauss points lie on the common parts of the faces.
+*master*. Where their nodes match, at the same positions or across a gap, jumps are differences of
+two traces: at nodes, at Gauss points or averaged. Otherwise a `mortar` gives the weights of the
+nodes, and Gauss points lie on the common parts of the faces.
 
 No rank holds a whole surface: nodes are sent to the ranks in whose bounding boxes the nearest node
 may lie, and these send the answers back.
@@ -83,8 +83,8 @@ class Common:
 
     Attributes:
         facets: local slave facets owned by this rank.
-        cover: their covered parts.
-        places: opposing points of the nodes at their own places, where these exist.
+        cover: covered parts of these facets.
+        places: opposing points of the nodes at their own positions, where these exist.
     """
 
     facets: Indices
@@ -94,11 +94,11 @@ class Common:
 
 @dataclass(frozen=True)
 class Opposite:
-    """Weighted means of nodes opposite to the nodes of a surface.
+    """Opposing points of the nodes of a surface, as weighted means of master nodes.
 
     Attributes:
-        nodes: global nodes opposite to the local nodes on the slave, in their order, shape (m, k).
-        weights: their weights, shape (m, k); nodes of weight 0 are copies of any node.
+        nodes: global master nodes opposite to the local slave nodes, in their order, shape (m, k).
+        weights: weights of these nodes, shape (m, k); padded with arbitrary nodes of weight 0.
         none: mask of the local nodes without an opposing point, or opposite to themselves.
         areas: covered areas of the local nodes at corners of facets; None if faces match.
         sides: local nodes on slave and master.
@@ -141,10 +141,11 @@ class Opposite:
 
 
 class OppositeFacets(Obstacle):
-    """Facets of the same mesh, of another body or of the other side of a crack.
+    """Obstacle of a pair: facets of another body in the mesh, or of the other side of a crack.
 
-    Gap and normal belong to the reference configuration. The normal is given, or the normal of the
-    slave; at nodes it is the mean over the slave facets around them.
+    Gap and normal refer to the reference configuration. The normal is the normal of the description
+    if it has one, otherwise the slave normal; at nodes it is the mean over the adjacent slave
+    facets.
 
     Args:
         pair: description of the pair.
@@ -155,9 +156,9 @@ class OppositeFacets(Obstacle):
         opposite: opposing points of the nodes of the slave.
 
     Raises:
-        ValueError: on every rank, if the faces do not match where they have to, face the same way,
-            or the bodies overlap by more than is allowed, or if a given normal deviates by more
-            than 60 degrees from a facet normal of the slave.
+        ValueError: on every rank, if faces do not match although their elements require it, if both
+            faces look in the same direction, if the bodies overlap by more than is allowed, or if a
+            given normal deviates by more than 60 degrees from a facet normal of the slave.
     """
 
     opposite: Opposite
@@ -392,7 +393,7 @@ def _mortar(faces: _BothFaces) -> Opposite:
     theirs, pairs = opposing_facets(comm, mine, faces_of(V, faces.master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
-    require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
+    require(comm, bool(comm.allreduce(len(marked))), f"{name}: no facet is opposite")
     found = coupling(common, degree, axisymmetric=faces.pair.axisymmetric)
     local = index_map.global_to_local(mine.nodes[:, : mine.corners].reshape(-1))
     sums = SharedValues(index_map).sums(local, found.areas.reshape(-1))

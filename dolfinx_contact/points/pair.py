@@ -24,17 +24,18 @@ class DiscretePair(DiscreteSurface):
         pair: description of the pair.
 
     Raises:
-        ValueError: on every rank, as `DiscreteSurface`; and if the faces have facets in common, do
-            not match where they must, have equal normals, touch at a node without matching, or
-            overlap more than allowed. The overlap may exceed round-off only for faces that do not
-            match, by at most 5 % of a facet, since facets of curved faces are chords.
+        ValueError: on every rank, for the reasons listed in `DiscreteSurface`; if the faces have
+            common facets, have equal normals, overlap by more than is allowed, do not match
+            although their elements require it, or share nodes although they do not match. For faces
+            that do not match, an overlap of up to 5 % of a facet is allowed, because facets of
+            curved faces are chords.
     """
 
     def __init__(self, pair: ContactPair):
         slave, master = facets_of_sides(pair)
         obstacle = OppositeFacets(pair, slave, master)
         super().__init__(pair, slave, obstacle)
-        #: Opposing points while no basis function of a node is given away.
+        #: Opposing points before basis functions of nodes are distributed.
         self._apart: Opposite = obstacle.opposite
         self._given_gap = ""
         if np.isfinite(self._overlap.most) and (pair.gap is not None or pair.surface is not None):
@@ -56,14 +57,14 @@ class DiscretePair(DiscreteSurface):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Give away the functions of nodes without a multiplier. Collective.
+        """Distribute the basis functions of nodes without a multiplier. Collective.
 
         See `shared_functions`. For faces that do not match these are also the nodes whose jump is
         fixed.
 
         Raises:
-            ValueError: if no node beside a crossing can take its function, or a multiplier of
-                degree 2 is not unique there.
+            ValueError: if no node next to a crossing can receive its basis function, or a
+                multiplier of degree 2 is not unique there.
         """
         V = self.u.function_space
         trace = self.points.vertex_trace_dofs

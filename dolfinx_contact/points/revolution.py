@@ -32,7 +32,7 @@ def on_axis(V: fem.FunctionSpace) -> Mask:
 
 
 def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
-    """Raise ``ValueError`` unless a mesh is half of a section without facets on the axis.
+    """Raise ``ValueError`` unless a mesh is half of a section and no facet lies on the axis.
 
     Collective.
     """

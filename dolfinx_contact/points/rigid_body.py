@@ -208,8 +208,8 @@ class RigidBody(ReadOnly, Obstacle):
         self.name = name
         if isinstance(about, ufl.core.expr.Expr) or has_ufl(about):
             raise ValueError(
-                f"{name}: the reference point is copied, and must be numbers, got {about!r}; what "
-                "is to move the body is its motion"
+                f"{name}: the reference point is copied and must be given as numbers, got "
+                f"{about!r}; prescribe a motion to move the body"
             )
         self.about = vector(about, f"{name}: the reference point")
         self.dim = len(self.about)
@@ -223,7 +223,7 @@ class RigidBody(ReadOnly, Obstacle):
                 "motion, or its name in free or held; got " + (", ".join(names) or "none")
             )
         self.given: Mapping[str, Any] = MappingProxyType(
-            {c: _scalar(value, f"{name}: what is given for {c}") for c, value in data}
+            {c: _scalar(value, f"{name}: the load or motion {c}") for c, value in data}
         )
         fixed = {component for component, _ in prescribed}
         self.fixed = np.array([c in fixed for c in self.components])
@@ -261,7 +261,7 @@ class RigidBody(ReadOnly, Obstacle):
 
     @property
     def turns(self) -> bool:
-        """Whether the body may turn."""
+        """Whether the body may rotate."""
         given = self.expressions[self.dim :]
         held = all(isinstance(e, ufl.constantvalue.Zero) for e in given)
         return not (held and self.fixed[self.dim :].all())
@@ -292,7 +292,7 @@ class RigidBody(ReadOnly, Obstacle):
                 f"{domain.geometry.dim}"
             )
         for component, e in self.given.items():
-            refuse_other_mesh(e, domain, f"{self.name}: what is given for {component}")
+            refuse_other_mesh(e, domain, f"{self.name}: the load or motion {component}")
 
     # -- motions ---------------------------------------------------------------------------------
 
@@ -374,7 +374,7 @@ class Partner:
 
 
 def shape_of(obstacle: Obstacle) -> Obstacle:
-    """Return the shape of a rigid body; any other obstacle itself."""
+    """Return the shape of a rigid body; return any other obstacle unchanged."""
     return obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
 
 
@@ -387,7 +387,7 @@ def number(e: Any) -> float:
 
 
 def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
-    """Return components and values of loads or motions, and of the components without any."""
+    """Return components with their loads or motions; other listed components get the value 0."""
     if values is not None and not isinstance(values, Mapping):
         raise ValueError(
             f"{name}: loads and motions go by component, {{'y': -1.0}}; got {values!r}"

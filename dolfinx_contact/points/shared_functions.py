@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nodes without a multiplier of their own: crossings of pairs, and held ends of mortars.
 
-*Crossings.* Where cracks cross, k nodes lie at one place, and the pairs have as many jumps between
-them as there are arms. The jumps of a closed loop sum to zero,
+*Crossings.* Where cracks cross, k nodes have the same position, and the pairs have one jump between
+them for each arm. The jumps of a closed loop sum to zero,
 
     (u_1 - u_2) + (u_2 - u_3) + ... + (u_k - u_1) = 0,
 
@@ -11,20 +11,21 @@ matrix is singular. As at the crosspoints of mortar methods, none of these nodes
 (Wohlmuth, SIAM J. Numer. Anal. 38, 2000, section 2). A node of several pairs whose jumps form no
 loop, for example of a body on which two others stand, keeps all of its multipliers.
 
-*Held ends.* Where a mortar node p is held and so is the master at its place, as at the end of an
-interface that meets a support, the jump is not an unknown. The dual function psi_p covers the
-adjacent slave facets and may overlap free master nodes. A multiplier of its own would constrain
-only these, the more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is
-removed. A held node opposite to a free master keeps its multiplier: both still push each other.
+*Held ends.* If a mortar node p and the master at its position are both held, for example where an
+interface ends at a support, the jump is not an unknown. The dual function psi_p covers the adjacent
+slave facets and may overlap free master nodes. A multiplier at p would constrain only these nodes,
+and its size would be proportional to the inverse of int psi_p N_k, which may be small. Therefore it
+is removed. A held node opposite to a free master keeps its multiplier, because it still transmits
+forces.
 
-The adjacent nodes take the functions of these nodes,
+The functions of the removed multipliers are added to the functions of adjacent nodes,
 
     psi_q + sum_p a_qp psi_p,    sum_q a_qp = 1,
 
 so that they still sum to 1 everywhere, and a uniform traction is transmitted to the master up to
 the support. They remain biorthogonal to the free slave nodes (Wohlmuth, as above; in 3D Puso, Int.
 J. Numer. Methods Eng. 59, 2004). In the integral method the hat functions N_p of the multiplier are
-given away.
+distributed instead.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def crossings(
     surfaces: Sequence[tuple[SurfaceFacets, Opposite | None]],
     fixed: Mask,
 ) -> tuple[list[Mask], Mask]:
-    """Return the places at which jumps of pairs form loops. Collective.
+    """Return the positions at which jumps of pairs form loops. Collective.
 
     Args:
         V: displacement space.
@@ -161,7 +162,7 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
 
 
 def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
-    """Return opposing points, at marked local nodes those at their own places. Not collective."""
+    """Return opposing points; marked local nodes get the opposing points at their own position."""
     assert opposite.common is not None
     places = opposite.common.places
     chosen = nodes[opposite.sides.slave][:, None]

@@ -60,7 +60,7 @@ _DEGREES = {2: 4, 3: 2}
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingOpposite(Opposite):
-    """The other face. Opposing points depend on the state, so nodes and weights are empty.
+    """Master in large sliding; nodes and weights are empty, because they depend on the state.
 
     Attributes:
         depth: search distance in front of the slave and behind it.
@@ -148,7 +148,8 @@ class SlidingFaces:
             dim).
         images: factors of sums around vertices by their mirror images, shape (vertices, dim).
         removed: removed overlaps of the mesh at the local vertices.
-        lost: in self-contact, mask of the facets that start inside the body with none in reach.
+        lost: in self-contact, mask of the facets that start inside the body without an opposing
+            facet in reach.
     """
 
     found: Candidates
@@ -223,7 +224,7 @@ class SlidingFaces:
 
     @property
     def free_to_spin(self) -> Array:
-        """1, or 0 on planes of symmetry, where images spin against the vertices, shape (n,)."""
+        """0 on planes of symmetry, where spins cancel with the images, otherwise 1, shape (n,)."""
         return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
@@ -281,7 +282,7 @@ class SlidingFaces:
         return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
 
     def farthest_behind(self, far: float) -> float:
-        """Return the distance behind the slave of the nearest opposing facet in the mesh.
+        """Return the largest distance of an opposing facet behind the slave in the mesh.
 
         Args:
             far: distance up to which facets are searched.
@@ -293,7 +294,7 @@ class SlidingFaces:
         return maximum(self.comm, -_heights(common))
 
     def sharpest_edge(self) -> tuple[float, Array]:
-        """Return the largest angle in degrees between facet and node normals at edges, and where.
+        """Return the largest angle in degrees between facet and node normals, and its position.
 
         At an edge the facets around a node lie behind the plane perpendicular to its normal.
         """
@@ -336,7 +337,7 @@ class SlidingFaces:
         self.found = replace(self.found, pairs=self.found.pairs[kept])
 
     def _share_node(self) -> Mask:
-        """Return the mask of the pairs with a common node, which images share on their planes."""
+        """Return the mask of the pairs with a common node; images share nodes on their planes."""
         i, k = self.found.pairs.T
         same = self.slave_nodes[i][:, :, None] == self.found.nodes[k][:, None]
         off = self._reference[i][:, :, None] - self._found_before[k][:, None]

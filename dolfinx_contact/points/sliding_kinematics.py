@@ -2,8 +2,8 @@
 r"""Weighted gap and slip of the nodes of a slave at a state, and their derivatives.
 
 With quadrature points q on the common parts of slave and master facets, weights w of the reference
-configuration, and the gap g and the place eta of the ray of each point (`cast`), a node a of the
-slave has
+configuration, the gap g along the ray of each point, and the reference coordinates eta at which the
+ray meets the master (`cast`), a node a of the slave has
 
     W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
 
@@ -13,7 +13,7 @@ material points that face each other now,
     d = (I - n_o n_o^T) (y_o(eta) - x_o),
 
 with x_o, y_o and n_o of that state. A common rotation of both bodies does not change it, so that
-the tractions of sticking points turn with the bodies. The law of node a sees the jump
+the tractions of sticking points turn with the bodies. The law of node a is evaluated at the jump
 
     j_a = -g_a n_a + S_a R_a d_a
 
@@ -32,14 +32,13 @@ The tractions t of the nodes are nominal; their forces are w N_a t on the slave,
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Changes of the boundaries of the common parts are not differentiated.
 
-A node that is barely covered, for example near the edge of the master, knows its gap only at that
-edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with its area A_a and a fixed
-fraction c; the remainder of its traction is the mean of the tractions around it,
+At a node that is barely covered, for example near the edge of the master, the gap is known only at
+that edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with its area A_a and a
+fixed fraction c; the remainder of its traction is the mean of the tractions around it,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
-so that tractions are continuous at the edge, and nothing jumps when a node becomes covered or
-uncovered.
+so that tractions are continuous at the edge, also when a node becomes covered or uncovered.
 
 For bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
 reference configuration: tractions are nominal there too, so that w is constant when bodies move
@@ -114,8 +113,8 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
 
         x + g n = y(eta),
 
-    which gives the gap g and the place eta. With the columns Y_i = dy/deta_i the derivatives along
-    displacements dx_a, dy_b and changes dm_a solve
+    which gives the gap g and the reference coordinates eta. With the columns Y_i = dy/deta_i the
+    derivatives along displacements dx_a, dy_b and changes dm_a solve
 
         [Y | -n] (deta, dg) = dx - sum_b N_b dy_b + g dn,    dn = (I - n n^T) dm / |m|
 
@@ -125,7 +124,7 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
         x: starts of the rays, shape (p, q, dim).
         m: normals at the starts, of any length, shape (p, q, dim).
         y: nodes of the master facets, shape (p, b, dim).
-        eta: first guesses of the places, shape (p, q, dim - 1).
+        eta: initial guesses of the reference coordinates, shape (p, q, dim - 1).
     """
     length = np.linalg.norm(m, axis=-1)
     n = m / length[..., None]

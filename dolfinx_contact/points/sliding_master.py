@@ -28,14 +28,14 @@ _FEW_PAIRS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Result of a search.
+    """Master facets found by a search, and their pairs with slave facets.
 
     Attributes:
         nodes: global nodes of the master facets, each facet once, shape (n, b).
         senses: signs of their area vectors, shape (n,).
         mirrors: 1, or -1 along axes across which facets are images of the facets with these nodes,
             shape (n, dim).
-        pairs: numbers of slave and master facets, shape (pairs, 2).
+        pairs: indices of slave and master facets, shape (pairs, 2).
     """
 
     nodes: Ints

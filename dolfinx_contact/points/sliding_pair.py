@@ -177,7 +177,7 @@ def _check_law(law: LawAtPoints, name: str) -> None:
 
 
 class SlidingFacets(Obstacle):
-    """Facets of another body of the same mesh, over which a face slides.
+    """Obstacle of a pair in large sliding: facets of another body in the same mesh.
 
     Args:
         contact: description of the pair, or of self-contact.
@@ -185,7 +185,7 @@ class SlidingFacets(Obstacle):
         master: local facets of the master, ghosts included.
 
     Attributes:
-        opposite: the other face.
+        opposite: master, with its planes of symmetry and search distance.
 
     Raises:
         ValueError: on every rank, if two faces have nodes in common, or the slave lies in a plane
@@ -235,7 +235,7 @@ class SlidingFacets(Obstacle):
 
     @property
     def flat(self) -> bool:
-        """Whether no displacement is too large: opposing points are computed at every state."""
+        """Always True: any displacement is admissible, since opposing points follow the state."""
         return True
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
@@ -286,8 +286,8 @@ class SlidingPoints(NodePoints):
 
     Attributes:
         faces: slave and master.
-        opposite: the other face.
-        known: operator at the displacement of the last evaluation.
+        opposite: master, with its planes of symmetry and search distance.
+        known: operator B at the displacement of the last evaluation.
     """
 
     method: ClassVar[ContactMethod] = "mixed"

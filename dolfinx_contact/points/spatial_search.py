@@ -41,29 +41,29 @@ __all__ = ["Columns", "around", "faces_of", "facets_along_normals", "nearest", "
 
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
-#: Function from a `scipy.spatial.cKDTree` of points and data of questions to pairs of numbers of
-#: questions and points. (SciPy loads its trees at the first search.)
+#: Function from a `scipy.spatial.cKDTree` of points and data of queries to pairs of indices of
+#: queries and points. (SciPy loads its trees at the first search.)
 Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 
 def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return pairs of questions and points of a tree within their distances."""
+    """Return pairs of queries and points of a tree within the distances of the queries."""
     return listed_pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
 def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return the nearest point of a tree for each question."""
+    """Return the nearest point of a tree for each query."""
     found = tree.query(questions["x"])[1]
     return np.arange(len(found)), found
 
 
 def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:
-    """Return the data of the known point, of any rank, nearest to each place. Collective.
+    """Return the data of the nearest point, of any rank, for each query position. Collective.
 
     Args:
         comm: communicator.
         known: points of this rank.
-        x: places of this rank, shape (n, dim).
+        x: query positions of this rank, shape (n, dim).
 
     Returns:
         Data of the nearest points, shape (n, ...); infinite positions if no rank has a point.
@@ -83,17 +83,19 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
 def around(
     comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = _in_balls
 ) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
-    """Return the known points, of any rank, within a distance of each place. Collective.
+    """Return the points, of any rank, within a distance of each query position. Collective.
 
     Args:
         comm: communicator.
         known: points of this rank.
-        wanted: places ``"x"`` and distances ``"reach"`` of this rank, and data for ``select``.
-        select: function that selects pairs of questions and known points of a rank, on that rank;
+        wanted: query positions ``"x"`` and distances ``"reach"`` of this rank, and data for
+            ``select``.
+        select: function that selects pairs of queries and known points of a rank, on that rank;
             default: all points within the distance.
 
     Returns:
-        Numbers of places, shape (pairs,), and data of points near them, shape (pairs, ...).
+        Indices of query positions, shape (pairs,), and data of the points found, shape (pairs,
+        ...).
     """
     questions = []
     for near in _distances_of_boxes(comm, known["x"], wanted["x"])[0]:
@@ -113,12 +115,12 @@ def around(
 
 
 def _distances_of_boxes(comm: MPI.Comm, known: Array, x: Array) -> tuple[Array, Array]:
-    """Return distances of places to the boxes around the known points of every rank. Collective.
+    """Return distances of positions from the boxes around the points of all ranks. Collective.
 
     Args:
         comm: communicator.
         known: points of this rank, shape (m, dim).
-        x: places, shape (n, dim).
+        x: positions, shape (n, dim).
 
     Returns:
         Distances to the nearest and to the farthest point of each box, shape (ranks, n); NaN for
@@ -156,8 +158,8 @@ def facets_along_normals(
 ) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
     """Return master facets, of any rank, that the normals of slave facets may meet. Collective.
 
-    A facet counts if it lies within a distance in front of or behind the slave facet along the
-    normal and, perpendicular to the normal, not farther than both facets reach.
+    A facet counts if it lies within a given distance in front of or behind the slave facet along
+    the normal and if both facets may overlap perpendicular to the normal.
 
     Args:
         comm: communicator.
@@ -169,7 +171,7 @@ def facets_along_normals(
         skin: additional distance.
 
     Returns:
-        Data of the facets, each once in the order of the keys, and pairs of numbers of slave and
+        Data of the facets, each once in the order of the keys, and pairs of indices of slave and
         master facets in ascending order, shape (pairs, 2).
     """
     middles, across = slave.balls
@@ -212,8 +214,8 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
 def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return pairs of rays and balls of this rank in cylinders around the rays.
 
-    Rays are bisected, and halves without a ball nearby dropped. The cost therefore grows with the
-    number of balls along the rays, not within their length.
+    Rays are bisected, and halves without a ball nearby are dropped. The cost therefore grows with
+    the number of balls along the rays, not within their length.
 
     Args:
         tree: centres of the balls of this rank.

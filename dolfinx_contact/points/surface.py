@@ -53,14 +53,14 @@ _ALONG = 0.1
 
 
 class DiscreteSurface(ReadOnly):
-    """Contact points of a surface and all quantities evaluated at them. Collective.
+    """Discretised contact surface: contact points, multiplier, kinematics and law. Collective.
 
-    A `ContactProblem` makes one for each description and owns it.
+    A `ContactProblem` creates and owns one for each description.
 
     Args:
         contact: description of the surface.
-        facets: local facets of the slave; default: facets of the `ContactSurface`.
-        obstacle: opposing face of a pair; default: obstacle of a `ContactSurface`.
+        facets: local indices of the slave facets; default: facets of the `ContactSurface`.
+        obstacle: master face of a pair; default: obstacle of a `ContactSurface`.
         points_class: class of the contact points; default: determined by the method.
         linear: whether the body is linear, which determines the default method and sliding.
 
@@ -72,20 +72,21 @@ class DiscreteSurface(ReadOnly):
         obstacle: rigid obstacle or opposing face.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
         rigid_body: obstacle that is a rigid body; None otherwise.
-        partner: obstacle as the frame of reference of displacements.
-        between_bodies: whether the obstacle is a face of a deformable body.
-        slides: whether the face slides over a face of a deformable body by any distance.
+        partner: frame of reference of the displacements, which moves with a rigid obstacle.
+        between_bodies: whether the obstacle is the master face of a pair.
+        slides: whether the pair is in large sliding.
         degrees: degrees of displacement and multiplier.
         owned_nodes: number of displacement nodes owned by this rank.
         given: gap, normal and fields of the law in UFL.
         multiplier: traction on the body, a vector Function of the facet submesh.
-        points: contact points of this rank with their operators.
-        law_at_points: compiled law.
-        displaced: gap and normal at displaced points; None in small sliding.
+        points: contact points of this rank, with the operators B and E.
+        law_at_points: compiled law, evaluated at the contact points.
+        displaced: evaluator of gap and normal at displaced points of a curved obstacle; None in
+            small sliding.
         true_gaps: function returning distances of the displaced points to the obstacle.
-        moved_along: whether the last change of its Constants moved the obstacle along its surface.
-        start_gaps: initial gaps of the points, negative in the obstacle, before ``interference`` or
-            ``remove_overlap`` change them, shape (n,).
+        moved_along: whether the obstacle moved along its surface when its Constants last changed.
+        start_gaps: initial gaps of the points, negative inside the obstacle, before
+            ``remove_overlap`` is applied, shape (n,).
 
     Raises:
         ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
@@ -207,7 +208,7 @@ class DiscreteSurface(ReadOnly):
                 refuse_other_mesh(e, self.domain, what)
 
     def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
-        """Raise ``ValueError`` for a start too far inside the obstacle, or remove it. Collective.
+        """Remove an initial overlap, or raise ``ValueError`` if it is too large. Collective.
 
         Args:
             gaps: gaps at the points of this rank, shape (n,).
@@ -272,7 +273,7 @@ class DiscreteSurface(ReadOnly):
         return np.array(min(self.comm.allgather(mine))[1])
 
     def _place_of_obstacle(self) -> Array:
-        """Return the position of the obstacle if it is a Constant, else all its Constants."""
+        """Return the position of the obstacle if it is a Constant, otherwise all its Constants."""
         if self._anchor is not None:
             return np.array(self._anchor.value)
         data = self.given.data
@@ -291,7 +292,7 @@ class DiscreteSurface(ReadOnly):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Store which nodes have no multiplier of their own. Collective.
+        """Set the nodes that have no multiplier of their own. Collective.
 
         Args:
             fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
@@ -359,8 +360,8 @@ class DiscreteSurface(ReadOnly):
         """Return values opposite to the local nodes, 0 without an opposing point. Collective.
 
         Args:
-            values: values at the nodes of the displacement, shape (n, ...); those of the owned
-                nodes are used.
+            values: values at the nodes of the displacement, shape (n, ...), of which the owned ones
+                are used.
         """
         opposite = self.obstacle.opposite
         if opposite is None:
@@ -384,7 +385,7 @@ class DiscreteSurface(ReadOnly):
         return np.rint(at_points).astype(np.int64), number
 
     def gaps_at(self, x: Array) -> Array | None:
-        """Return gaps at places (n, dim) in the frame of the obstacle. Collective.
+        """Return gaps at positions (n, dim) in the frame of the obstacle. Collective.
 
         None if the obstacle is not known everywhere.
         """
@@ -401,7 +402,7 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def _plane(self) -> tuple[Array, float]:
-        """Normal n of a flat obstacle, and n.x at its points. Collective."""
+        """Unit normal n of a flat obstacle, and the value of n.x on its plane. Collective."""
         points = self.points
         n = points.vertex_normals[:1]
         removed = points.removed_at_vertices

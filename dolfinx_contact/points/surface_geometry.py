@@ -2,8 +2,8 @@
 """Facets of a surface at any displacement, areas of its vertices, and sizes of its facets.
 
 Facets of degree 2 and quadrilaterals are divided into simplices. To measure the distance from a
-master, its simplices are gathered on every rank, like those of rigid surfaces, so that one search
-serves both.
+master, its simplices are gathered on every rank, like the facets of rigid surfaces, so that one
+search serves both.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class SurfaceFacets(MovingFacets):
         return self.exchange.sums(self.corners, parts)
 
     def simplices(self, u: Array) -> tuple[Array, Ints, Array]:
-        """Return the facets at a displacement of the local nodes (nodes, dim), divided.
+        """Return the displaced facets, divided into simplices, for displacements (nodes, dim).
 
         Returns:
             Positions of the local vertices (n, dim), vertices of the simplices (m, dim), and
@@ -148,7 +148,7 @@ class SurfaceFacets(MovingFacets):
 class SurfaceGeometry:
     """Areas at the local vertices, ghosts included. Collective, like its methods.
 
-    Areas are lengths in 2D, and swept areas of bodies of revolution.
+    Areas are lengths in 2D, and swept areas for bodies of revolution.
 
     Args:
         vertices: scalar P1 space on the facets.
@@ -159,7 +159,7 @@ class SurfaceGeometry:
         covered: areas with an opposing point, shape (n,); None if all areas have one.
 
     Attributes:
-        vertex_areas: areas with an opposing point, and those taken over from other vertices.
+        vertex_areas: areas with an opposing point, including areas taken over from other vertices.
         circumferences: ratios of swept areas to areas of the section, shape (n,).
         covered_areas: areas with an opposing point; None if all areas have one.
     """

@@ -206,12 +206,12 @@ def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
-    """Return the values at global places, which any rank may own. Collective.
+    """Return the values at global indices, which any rank may own. Collective.
 
     Args:
         comm: communicator.
         values: values of this rank, shape (n, ...).
-        places: global numbers of the wanted values, of any shape.
+        places: global indices of the requested values, of any shape.
 
     Returns:
         Values, shape (*places.shape, ...).
@@ -236,13 +236,13 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:
-    """Sum values at global places; return the sums at those owned by this rank. Collective.
+    """Sum values at global indices; return the sums at the owned indices. Collective.
 
     Args:
         comm: communicator.
-        owned: number of places owned by this rank.
-        places: global numbers of the places, shape (n,), also of other ranks.
-        values: values there, shape (n,).
+        owned: number of indices owned by this rank.
+        places: global indices of the values, shape (n,), also of other ranks.
+        values: values at these indices, shape (n,).
     """
     sums = PETSc.Vec().createMPI((owned, None), comm=comm)
     sums.setValues(places.astype(PETSc.IntType), values, addv=PETSc.InsertMode.ADD_VALUES)

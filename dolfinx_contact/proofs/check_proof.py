@@ -534,13 +534,13 @@ class ReducedProblem:
 # l.a of the displacements is at most l.c + rho (l.S^-1 l)^(1/2) in the ellipsoid, and a linear
 # functional of the forces, l.r = S l.a - l.p, is at most -l.p / 2 + rho (l.S l)^(1/2).
 #
-# Six nonnegative quantities, the *slots*, are bounded at every point, in this order: the positive
-# and negative parts ut+ and ut- of ut = ut+ - ut-, un, the slacks s+ = F rn + g + rt and s- = F rn
-# + g - rt of the friction bound, and rn. A status determines which slots may be nonzero; s+ and s-
-# do not count at points without friction.
+# Six nonnegative quantities are bounded at every point, in this order (``slot`` 0 to 5 of a step):
+# the positive and negative parts ut+ and ut- of ut = ut+ - ut-, un, the slacks s+ = F rn + g + rt
+# and s- = F rn + g - rt of the friction bound, and rn. A status determines which of them may be
+# nonzero; s+ and s- do not count at points without friction.
 
 
-#: Slots that may be positive in each status, at points with friction and without.
+#: Quantities that may be positive in each status, at points with friction and without.
 _USED = np.zeros((7, 6), dtype=bool)
 for _status, _slots in enumerate(["012", "345", "045", "135", "234", "024", "123"]):
     _USED[_status, [int(k) for k in _slots]] = True
@@ -602,7 +602,7 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 
 def bounded(problem: ReducedProblem) -> Array:
-    """Return upper bounds of the slots (6, m) that hold at every solution in the plane."""
+    """Return upper bounds of ut+, ut-, un, s+, s- and rn (6, m) at all solutions in the plane."""
     m = problem.points
     e = _ellipsoid(problem)
     center = Ball(e.twice, np.full(2 * m, above(e.shift)))
@@ -630,13 +630,13 @@ def bounded(problem: ReducedProblem) -> Array:
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
-    """Return a mask (m, 7, 6) of the slots that may be positive in each status of a point."""
+    """Return a mask (m, 7, 6) of the bounded quantities that may be positive in each status."""
     free = (problem.friction == 0) & (problem.g == 0)
     return np.where(free[:, None, None], _USED_FREE, _USED)
 
 
 def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
-    """Return the bounds (6, m), set to 0 for slots vanishing in all allowed statuses."""
+    """Return the bounds (6, m), set to 0 for quantities vanishing in all allowed statuses."""
     has = has_status(allowed)
     return np.where((has[:, :, None] & used(problem)).any(axis=1).T, ub, 0.0)
 
@@ -645,15 +645,16 @@ def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
 #
 # Exclusion of statuses by a vector of multipliers, using weak duality.
 #
-# At every solution, 0 = y.(S a - r - p) for any y. At each point, the slots lie in the box of one
-# of the allowed statuses. Therefore
+# At every solution, 0 = y.(S a - r - p) for any y. At each point, the bounded quantities lie in the
+# box of one of the allowed statuses. Therefore
 #
-#     0 >= L(y) = sum_i min_s h_is(y) - y.p,    h_is = sum over the slots of s of min(0, c_ij) ub_ij
+#     0 >= L(y) = sum_i min_s h_is(y) - y.p,    h_is = sum_j min(0, c_ij) ub_ij
 #
-# with the coefficients c of the slots in y.(S a - r). If L > 0, there is no solution. If L > 0 with
-# point i restricted to status s, that status is impossible at point i. The minimum over the
-# statuses equals the minimum over the convex hull of their boxes, so that L is as sharp as the
-# linear program from which y comes. The proof does not depend on how y was computed.
+# with the coefficients c_ij of the quantities in y.(S a - r) and the sum over the quantities j of
+# status s. If L > 0, there is no solution. If L > 0 with point i restricted to status s, this
+# status is impossible at point i. The minimum over the statuses equals the minimum over the convex
+# hull of their boxes, so that L is as sharp as the linear program from which y comes. The proof
+# does not depend on how y was computed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -674,7 +675,7 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of the slots (6, m) in y.(S a - r), without the contribution of g."""
+        """Coefficients of the bounded quantities (6, m) in y.(S a - r), without the part of g."""
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -693,7 +694,7 @@ class Dual:
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the slots that appear in L at each point, shape (m, 6).
+        """Mask of the bounded quantities that appear in L at each point, shape (m, 6).
 
         Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
         directly, without s+ and s-.
@@ -714,8 +715,9 @@ class Dual:
         """Return the minima h_is by point and status, shape (m, 7).
 
         Args:
-            ub: bounds of the slots, shape (6, m).
-            less: slot and point whose coefficient is reduced by 1; None for no change.
+            ub: bounds of the quantities (`bounded`), shape (6, m).
+            less: indices of the quantity and the point whose coefficient is reduced by 1; None for
+                no change.
         """
         c = self.coefficients
         if less is not None:
@@ -747,7 +749,7 @@ class Dual:
 
         Args:
             allowed: allowed statuses as bit masks, shape (m,).
-            ub: bounds of the slots, shape (6, m).
+            ub: bounds of the quantities (`bounded`), shape (6, m).
             margin: required ratio of L to its error bound.
         """
         has = has_status(allowed)
@@ -757,7 +759,7 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """Return an upper bound of the slot x = x - y.(S a - r - p); inf if x is not part of L."""
+        """Return an upper bound of a quantity x = x - y.(S a - r - p); inf if x is not in L."""
         if not self._counted[point, slot]:
             return np.inf
         has = has_status(allowed)
@@ -919,7 +921,7 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 # since the graph of the sign is monotone, rn_a >= 0, and gap and pressure are complementary. With a
 # prescribed bound g, F is 0 in these inequalities. This is Renard's uniqueness criterion (SIAM J.
 # Math. Anal. 38, 2006) with a separate weight for every inequality. Strict complementarity of b and
-# the bounds of a (Un, Rn, S and U are upper bounds of the slots of a) strengthen the inequalities:
+# the bounds of a (Un, Rn, S and U are upper bounds of quantities of a) strengthen the inequalities:
 #
 #     dn (en + theta et) <= -(1 - F |theta|) rn_b / Un dn^2        where b is closed,
 #                        <= -(1 - F |theta|) un_b / Rn en^2        where b is open,
@@ -1032,7 +1034,7 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
     Args:
         piece: solution b of a piece. Where only one status of a is allowed, b must have it too.
         allowed: allowed statuses of a as bit masks, shape (m,).
-        ub: bounds of the slots of a, shape (6, m).
+        ub: bounds of the quantities of a (`bounded`), shape (6, m).
     """
     rows: list[_Row] = []
     for i in range(len(allowed)):
@@ -1744,7 +1746,7 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """Contribution (middle +- width) vector to a column of M.
+    """Contribution (middle +- width) * vector to a column of M.
 
     Attributes:
         column: index of the column.
@@ -1799,9 +1801,9 @@ def angles_of(
 
 
 def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
-    """Return the terms of M of a slipping point; None if its arcs are too wide.
+    """Return the terms of a slipping point in the matrix M above; None if its arcs are too wide.
 
-    The contribution -dr to the normal equation is not included.
+    The term -dr in the equation of the normal force is not included.
     """
     found = angles_of(piece, cells, i)
     if found is None:
@@ -2207,11 +2209,11 @@ def _forms_of_given(
 # A proof is stored as the problem and a tree of steps, which `check` verifies.
 #
 # The steps are listed in depth-first order, parents before children. They act on the remaining sets
-# of statuses and on the bounds of the slots. ``y`` is an index into `Certificate.vectors`. Leaves
-# close a region.
+# of statuses and on the bounds of the six quantities. ``y`` is an index into `Certificate.vectors`.
+# Leaves close a region.
 #
 # - ``exclude``: the vector ``y`` excludes the pairs ``what`` of a point and a status.
-# - ``bound``: the vector ``y`` bounds a ``slot`` of a ``point`` by ``value``.
+# - ``bound``: the vector ``y`` bounds the quantity ``slot`` of a ``point`` by ``value``.
 # - ``empty``: the vector ``y`` proves that the region contains no solution; a leaf.
 # - ``only``: only the solution of the piece ``codes`` is possible, proved by ``weights``, ``theta``
 #   and ``mu`` (differences, above); a leaf.
@@ -2469,7 +2471,7 @@ class StatusRegion(_Region):
     Attributes:
         problem: scaled reduced problem.
         allowed: allowed statuses as bit masks, shape (m,).
-        ub: upper bounds of the slots, shape (6, m).
+        ub: upper bounds of the quantities (`bounded`), shape (6, m).
     """
 
     problem: ReducedProblem
@@ -2484,7 +2486,7 @@ class StatusRegion(_Region):
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
     def held(self, allowed: Masks) -> StatusRegion:
-        """Return a region with other allowed statuses (m,); bounds of unused slots are set to 0."""
+        """Return a region with other allowed statuses (m,); bounds of unused quantities are 0."""
         return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
     @property
@@ -2509,7 +2511,7 @@ class StatusRegion(_Region):
         return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
     def limit(self, slot: int, point: int, value: float) -> None:
-        """Lower the bound of a slot at a point to ``value``."""
+        """Lower the bound of a quantity at a point to ``value``."""
         self.ub = self.ub.copy()
         self.ub[slot, point] = max(min(self.ub[slot, point], value), 0.0)
 
@@ -2960,7 +2962,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Check a stored proof and print its statements (command line).
 
     Args:
-        argv: command-line arguments; by default those of the process.
+        argv: command-line arguments; by default the arguments of the process.
 
     Returns:
         Exit status: 0 if the proof holds, 1 if it does not hold or leaves regions open, 2 if the

@@ -45,7 +45,7 @@ _TRIES = 12
 _LEAST, _STARTS = 8, 300  # smallest and largest number of starts in open regions
 _BATCH = 4e5  # entries of the matrices of all these starts
 _EFFORTS = (15, 80)  # iterations of the search for weights, before and after linear programs
-_NOTHING = 1e-7  # size of a slot that counts as zero
+_NOTHING = 1e-7  # size of a bounded quantity that counts as zero
 
 
 class PlaneSearch(Search[StatusRegion]):
@@ -195,7 +195,7 @@ class PlaneSearch(Search[StatusRegion]):
         return False
 
     def _take_all_out(self, region: StatusRegion, y: Array) -> bool:
-        """Exclude all statuses that a vector of multipliers proves impossible.
+        """Exclude all statuses that a vector of multipliers proves to be impossible.
 
         Every exclusion lowers bounds, so that the same vector may exclude further statuses. It is
         applied until it excludes nothing.

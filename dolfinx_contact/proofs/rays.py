@@ -106,7 +106,7 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
 def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
-    """Return the reduced problem with S' and q' and their error bounds, as in the module."""
+    """Return the reduced problem with the stiffness S', the load q', and their error bounds."""
     S, q = whole.stiffness, whole.load
     reduced, load = S[np.ix_(k, k)], q[k]
     if len(e) == 0:

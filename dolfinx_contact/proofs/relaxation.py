@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Linear programs that exclude statuses in the plane search.
 
-The programs contain S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X. Two
-slots x and y that are never both nonzero in an allowed status satisfy x / X + y / Y <= 1. The five
-slots of a point with Coulomb friction exclude each other in a cycle and satisfy sum x / X <= 2.
-These inequalities describe the convex hull of the statuses and are added when they are violated.
+The programs contain S a = r + p. At each point, six nonnegative quantities (`check_proof.bounded`)
+are limited by their bounds X. Two quantities x and y that are never both nonzero in an allowed
+status satisfy x / X + y / Y <= 1. The five quantities of a point with Coulomb friction exclude each
+other in a cycle and satisfy sum x / X <= 2. These inequalities describe the convex hull of the
+statuses and are added when they are violated.
 
-Slots of forces are affine functions of the slots of displacements, so that the first tableau is
-known without solving equations. The dual simplex method (`tableau`) proceeds from one program to
-the next. If a program is infeasible, the multipliers y of the proving row are returned, and
-`check_proof.Dual` determines which statuses they exclude.
+Forces are affine functions of displacements, so that the first tableau is known without solving
+equations. The dual simplex method (`tableau`) proceeds from one program to the next. If a program
+is infeasible, the multipliers y of the proving row are returned, and `check_proof.Dual` determines
+which statuses they exclude.
 """
 
 from __future__ import annotations
@@ -30,15 +31,16 @@ _CYCLE = (0, 1, 2, 3, 4)
 
 
 class Relaxation(Tableau):
-    """Linear relaxation of a region, with a tableau that persists between programs.
+    """Linear relaxation of a region; its tableau is kept from one linear program to the next.
 
-    Variable slot * m + point is a slot. Variable 6 m + point is rt of a point without friction,
-    fixed at 0. The slacks of the hull inequalities follow.
+    The variable with the index k m + point is the quantity k of a point (`check_proof.bounded`).
+    The variable 6 m + point is rt of a point without friction, fixed at 0. The slacks of the hull
+    inequalities follow.
 
     Args:
         problem: scaled reduced problem.
         allowed: allowed statuses as bit masks, shape (m,).
-        ub: upper bounds of the slots, shape (6, m).
+        ub: upper bounds of the quantities (`check_proof.bounded`), shape (6, m).
     """
 
     def __init__(self, problem: ReducedProblem, allowed: Masks, ub: Array):
@@ -79,7 +81,7 @@ class Relaxation(Tableau):
             self.hold(point, int(allowed[point]))
 
     def _conflicts(self, allowed: Masks) -> None:
-        """Collect pairs of slots that exclude each other, and points with the cycle inequality."""
+        """Collect pairs of mutually exclusive quantities, and points with the cycle inequality."""
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
         self._pairs: list[tuple[int, int, Ints]] = []
@@ -131,7 +133,7 @@ class Relaxation(Tableau):
 
     @property
     def point(self) -> Array:
-        """Values of the slots (6, m); rn is included only for points without Coulomb friction."""
+        """Values of the bounded quantities (6, m); rn only for points without Coulomb friction."""
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 
     def _separate(self) -> bool:

@@ -296,7 +296,7 @@ class SpaceSearch(Search[SpaceRegion]):
 def _quantities(
     region: SpaceRegion, i: int, kinds: frozenset[int]
 ) -> list[tuple[int, tuple[int, ...]]]:
-    """Return the quantities of a point to bound, each with the corresponding kinds of cells."""
+    """Return the quantities to be bounded at a point, with the corresponding kinds of cells."""
     wanted: list[tuple[int, tuple[int, ...]]] = []
     coulomb = region.problem.friction[i] > 0
     if IN_OPEN in kinds or not coulomb:
@@ -329,7 +329,7 @@ def _measure(region: SpaceRegion) -> float:
 
 
 def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> float:
-    """Return the slip angle at a state, or the middle of the arcs if it lies outside."""
+    """Return the slip angle at a state, or the middle of the arcs if it is not in an arc."""
     hull = region.cells.hull(i)
     assert hull is not None
     x, y = rays(np.array([hull[0], hull[0] + hull[1]])).T

@@ -113,8 +113,8 @@ class Tableau:
     def _entering(self, row: Array, gain: Array, off: float) -> int:
         """Return the entering variable of the bound-flipping ratio test.
 
-        Variables before it, whose ranges do not suffice to repair the row, flip to their other
-        bounds.
+        Variables that precede it in the test, and whose ranges cannot repair the row, flip to their
+        opposite bounds.
         """
         free = np.flatnonzero(gain > 0)
         order = free[np.argsort(np.abs(self._costs[free]) / np.abs(row[free]))]

@@ -37,7 +37,7 @@ _FIRST |= {"A": (-4, True), "Q": (-4, True)}
 
 
 class _Stop(Exception):
-    """Signal that the search has succeeded or the time is over."""
+    """Signal that the search has succeeded or the time limit is reached."""
 
 
 def maximise(
@@ -150,7 +150,7 @@ def _in_plane(d: Differences, effort: int) -> Weights:
             enough=1e-7,
         )
         np.add.at(bad, points, vector**2)
-        # The scaled inequalities are the given ones times the squares of the scales.
+        # The scaled inequalities are the original ones times the squares of the scales.
         weights[free] = np.exp(x[: form.n])
         tilted = np.flatnonzero(free)[form.tilted]
         theta[tilted] = (1 - 1e-12) * x[form.n :] / form.F

@@ -111,7 +111,7 @@ class BranchRecord(Record[Journal]):
             raise ValueError(f"functionals must be a dictionary by name, got {functionals!r}")
         comm = system.comm
         valid = isinstance(every, int | np.integer) and every >= 1
-        require(comm, valid, f"fields must be kept at every 1 or more points, got {every!r}")
+        require(comm, valid, f"every must be an integer of at least 1, got {every!r}")
         same_everywhere(comm, every=int(every))
         self.system = system
         self.every = every
@@ -180,7 +180,7 @@ class BranchRecord(Record[Journal]):
     def end(self, ended: Ends) -> None:
         """Record the end of a branch, with a checkpoint of its last point."""
         points = self.journal.branches[self._branch].points
-        # where more points were recorded before, the branch does not end here
+        # if later points are already recorded, the branch does not end here
         if self._last is None or ended.ending is None or self._last[1] < len(points) - 1:
             return
         point, index = self._last
@@ -319,7 +319,7 @@ class BranchRecord(Record[Journal]):
 
 
 def _size(node: Mapping[str, Any]) -> int:
-    """Return the number of rays of a node plus the number of branches along them."""
+    """Return the number of rays of a node plus the number of branches that follow them."""
     return len(node["rays"]) + sum(edge is not None for edge in node["edges"])
 
 

@@ -82,7 +82,7 @@ _CRC = ', "crc": "'
 
 
 class _ArrayKind(NamedTuple):
-    """Location of the arrays of a point.
+    """Location of one kind of array files, which belong to the points of a record.
 
     Attributes:
         folder: folder of the files.
@@ -232,7 +232,7 @@ class AnyJournal:
         return not self.all_entries()
 
     def entries(self, branch: int = 0) -> list[Entry]:
-        """Return the entries of all points of a branch, or of all states of a history or path.
+        """Return the entries of all points of a branch, or all states of a history or path.
 
         Raises:
             ValueError: if the branch does not exist.

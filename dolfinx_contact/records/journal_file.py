@@ -80,7 +80,7 @@ class JournalFile(Generic[J]):
         self._locked = False
         absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
         exists = FileExistsError(
-            f"{self._path} exists: take resume=True, or record to another folder; nothing is "
+            f"{self._path} exists: pass resume=True, or record to another folder; nothing is "
             "overwritten"
         )
         if resume is True and not self._path.exists():
@@ -185,7 +185,7 @@ class JournalFile(Generic[J]):
             self._path.unlink(missing_ok=True)
         if self._locked:
             self._note.unlink(missing_ok=True)
-            # A forked process may have the file open as well.
+            # A forked process may also have opened the file.
             with contextlib.suppress(OSError):
                 fcntl.flock(self._file, fcntl.LOCK_UN)
         self._file.close()

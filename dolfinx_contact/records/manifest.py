@@ -111,7 +111,7 @@ def manifest_of(
 
 
 def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the parts of a surface, and the signatures of its obstacle and law. Collective."""
+    """Return the items of a surface in ``parts``, and the signatures of its obstacle and law."""
     parts = {
         "the contact method": s.method,
         "the facets": _entities(s.domain, s.dim - 1, s.submesh.parent_facets),
@@ -138,13 +138,14 @@ def values_of(
 
     Args:
         problem: contact problem.
-        more: additional Functions and Constants, with their places.
+        more: additional Functions and Constants, each with a description of its role, such as "the
+            density".
         but: Functions and Constants to omit, such as the parameter of a branch.
 
     Returns:
-        Dictionary by place: a list of numbers for each Constant, and a dictionary with
-        ``projections`` and ``scale`` for each Function. The prescribed displacement, 0 at free
-        unknowns, is one of the Functions.
+        Dictionary with a description of each datum as key: a list of numbers for a Constant, a
+        dictionary with ``projections`` and ``scale`` for a Function. The prescribed displacement, 0
+        at free unknowns, is one of the Functions.
     """
     eq = problem.equations
     no_length = _NO_LENGTH * eq.body_size
@@ -174,7 +175,7 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
     """Return the memory of a step for the section ``values``. Collective.
 
     Returns:
-        Dictionary by place, as in `values_of`; empty under the static law.
+        Dictionary with the same format as in `values_of`; empty under the static law.
     """
     found: dict[str, Any] = {}
     no_length = _NO_LENGTH * problem.equations.body_size
@@ -212,7 +213,7 @@ def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 @contextmanager
 def data_restored(problem: ContactProblem) -> Iterator[None]:
-    """Restore the values of all data of a problem at the end of a context. Not collective."""
+    """Context manager that restores the values of all data of a problem. Not collective."""
     arrays = [d.values for d in placed_data(problem.equations)]
     values = [a.copy() for a in arrays]
     try:
@@ -274,7 +275,7 @@ def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) 
 
 
 def _hash(comm: MPI.Comm, values: npt.NDArray[Any]) -> str:
-    """Return a hash of values on rank 0, on every rank. Collective."""
+    """Return a hash of the values on rank 0, the same on every rank. Collective."""
     return comm.bcast(_digest(values.tobytes()))
 
 

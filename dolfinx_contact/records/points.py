@@ -65,7 +65,7 @@ class BranchEntries:
         }
 
     def joined(self, columns: Entry) -> BranchPoint:
-        """Return the branch point with the given columns and the vectors read last."""
+        """Return the branch point with the given columns and the vectors that were read last."""
         return BranchPoint(
             self._layout.joined(self.vectors["x"], columns.gamma),
             self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),
@@ -140,7 +140,7 @@ class BranchEntries:
         """Return the changes of statuses, in the order of coordinates. Collective."""
         if not changes:
             return []
-        # every rank knows the places of its own points only
+        # every rank knows the positions of its own points only
         system = self._system
         places_here = {
             i: (system.positions[c.point], system._ids[c.point])

@@ -135,7 +135,7 @@ class Record(Observer, ABC, Generic[J]):
         Args:
             recorded: recorded sections of the manifest by name; nothing is compared if it is empty.
             now: present sections of the manifest, by name.
-            at: time or place of the comparison for the message, such as " at the time 1".
+            at: time or location of the comparison for the message, such as " at the time 1".
 
         Raises:
             ValueError: on every rank, with the first item that differs.

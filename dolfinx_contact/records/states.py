@@ -160,11 +160,11 @@ class _Multiplier:
         self._shared = SharedValues(W.dofmap.index_map)
 
     def extend(self) -> None:
-        """Copy the multiplier to the body, with 0 away from the surface. Collective."""
+        """Copy the multiplier to the body; the values away from the surface are 0. Collective."""
         bs = self.on_body.function_space.dofmap.index_map_bs
         values = self._multiplier.x.array.reshape(-1, bs)
-        # a rank may own a node of the body without having the facet next to it, and several ranks
-        # may have the same facet
+        # A rank may own a node of the body without the adjacent facet, and several ranks may have
+        # the same facet.
         sums = self._shared.sums(self._nodes, np.column_stack([values, np.ones(len(values))]))
         self.on_body.x.array[:] = (sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)).reshape(-1)
 

@@ -181,7 +181,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
     def end(self, ended: Ends) -> None:
         """Record the end of a run. Collective."""
-        # where more steps were recorded before, the run does not end here
+        # if later steps are already recorded, the run does not end here
         if ended.ending is not None and self._index == len(self.journal.states) - 1:
             self._write_end(ended)
 
@@ -328,7 +328,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
     @contextmanager
     def _looking(self) -> Iterator[None]:
-        """Restore state and data of the problem at the end of a context. Collective."""
+        """Context manager that restores state and data of the problem. Collective."""
         system = getattr(self._runs, "parametric", self.problem)
         with data_restored(self.problem), system.restored(always=True):
             yield

@@ -23,27 +23,28 @@ T = TypeVar("T", bound=np.generic)
 
 
 class GatheredPoints:
-    """All contact points that are not clamped, sorted by coordinates; equal on every rank.
+    """Contact points of all ranks that are not clamped, sorted by coordinates.
 
     Args:
         system: contact problem.
 
     Attributes:
         number: number m of points.
-        local: local numbers of the points of this rank, among all its contact points.
-        mine: global indices of the points of this rank, among the points of all ranks.
+        local: indices of the points of this rank among its contact points, clamped ones included.
+        mine: indices of the points of this rank among the points of all ranks.
         positions: positions, shape (m, dim).
         normals: normals, shape (m, dim).
-        frames: frames T with j = T (ut, un) and forces T (rt, rn) on the body, shape (m, dim, dim).
+        frames: orthogonal matrices T, shape (m, dim, dim); in Cartesian components, the jump is T
+            (ut, un) and the force on the body T (rt, rn).
         areas: areas, shape (m,).
-        friction: radii of the friction discs at unit pressure, shape (m,); 0 without friction.
-        bound: friction bounds of Tresca's law, forces, shape (m,); 0 for other laws.
-        augmentation: augmentation of Newton's method, force per length, shape (m,).
+        friction: friction coefficients, shape (m,); 0 without friction.
+        bound: prescribed friction bounds (Tresca) as forces, shape (m,); 0 for other laws.
+        augmentation: augmentation parameters of Newton's method, force per length, shape (m,).
         gap: initial gaps, shape (m,).
-        reach: slips up to which sliding is small, shape (m,). For contact with another body or a
-            curved obstacle, half the mean facet size (in 3D the square root of the area);
-            infinite on flat obstacles.
-        guided: whether Dirichlet data prescribe the tangential displacement of a point.
+        reach: largest slips for which small sliding is accurate, shape (m,): half the mean facet
+            size (in 3D the square root of the area) for contact with another body or a curved
+            obstacle; infinite on flat obstacles.
+        guided: whether Dirichlet data prescribe the tangential displacement of any point.
     """
 
     def __init__(self, system: ParametricEquations):

@@ -70,7 +70,7 @@ class HeldField:
     without_forces: Ints | None = None
 
     def transposed(self, unit: float) -> list[PETSc.Mat]:
-        """Return ``unit`` C^T, which the caller destroys. Collective."""
+        """Return C^T multiplied by ``unit``; the caller destroys the matrix. Collective."""
         found = []
         for C in self.rows if self.forces is None else self.forces:
             block = C.transpose(PETSc.Mat())
@@ -198,7 +198,7 @@ class HeldBody:
 
     @property
     def definite(self) -> bool:
-        """Whether a body without rows is symmetric and positive definite. Collective."""
+        """Whether the matrix of a body without held motions is positive definite. Collective."""
         return self._factor.is_symmetric and self._factor.inertia[:2] == (0, 0)
 
     @property

@@ -5,7 +5,7 @@ Each of the m contact points has the unknown displacement a = (ut, un), with one
 components and the gap, and the unknown force r = (rt, rn) on the body. With the stiffness S
 condensed onto these points,
 
-    S a = r + p,    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
+    S a = r + p,    0 <= un, 0 <= rn, un rn = 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
 F is Coulomb's coefficient and g a prescribed friction bound (Tresca). un = 0 means that the point
 is in contact; the initial gap is contained in p. With the augmentation k (stiffness of a point) the

@@ -49,8 +49,8 @@ def can_condense(
 
     Args:
         system: contact problem with a parameter.
-        partly: whether tangential displacements of contact points may be prescribed; the statuses
-            of these points differ from the problem.
+        partly: whether tangential displacements of contact points may be prescribed. The statuses
+            of these points in the reduced problem then differ from the full problem.
         bounded: whether Tresca's law, whose pieces are not cones, is admissible.
     """
     eq = system.equations
@@ -120,7 +120,7 @@ class _PartlyHeld(NamedTuple):
     Attributes:
         some: whether such nodes exist.
         oblique: whether a held direction has a normal component.
-        rubbed: whether friction acts along a free tangent.
+        rubbed: whether friction acts along a tangent without Dirichlet data.
     """
 
     some: bool

@@ -58,8 +58,9 @@ class Balance:
     Attributes:
         support: resultant of the reactions of all Dirichlet data, shape (dim,).
         external: resultant of loads and springs in the bulk form, shape (dim,).
-        imbalance: |contact + support + external| over the sum of the magnitudes of all forces,
-            without components normal to planes of symmetry with mirror images.
+        imbalance: |contact + support + external| over the sum of the magnitudes of all forces.
+            Components normal to planes of symmetry at which sliding faces are mirrored are
+            excluded.
     """
 
     support: Array
@@ -107,7 +108,7 @@ def balance(
 def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Array, Array]:
     """Return reaction and mean displacement of each Dirichlet condition. Collective.
 
-    A dof in several conditions belongs to the last of them, whose value holds.
+    The reaction at a dof in several conditions belongs to the last of them, whose value is used.
 
     Args:
         eq: contact problem.
@@ -136,13 +137,13 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:
-    """Return the sum of forces (n, dim) of all ranks; only the axial part around an axis."""
+    """Return the sum of forces (n, dim) of all ranks; for a body of revolution its axial part."""
     whole = total(eq.comm, forces.sum(axis=0))
     return np.where(np.arange(eq.dim) < eq.axisymmetric, 0.0, whole)
 
 
 def _mirrored_axes(eq: ContactEquations) -> list[int]:
-    """Return the coordinate axes normal to planes of symmetry with mirror images."""
+    """Return the axes normal to the planes of symmetry at which sliding faces are mirrored."""
     return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 

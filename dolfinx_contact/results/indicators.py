@@ -21,12 +21,12 @@ position, gap, normal and jump at contact points.
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
 | `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not held, over the local compression of `growth`; 0 if no point is closed | 0.05 |
 | `facets` | height of the smooth surface over the touched facets of a `RigidSurface` that are wider than those of the body, from the averaged normals; mean with the normal forces as weights, over the local compression | 0.02 |
-| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
-| `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
+| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); for an obstacle that was moved, the present gaps must satisfy this condition as well; in large sliding of a pair, gaps end at the search distance | 0.05 |
+| `negative_bound` | user-defined laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
 | `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | 1e-12 of the body size |
-| `floating` | rigid motions of a moved body that only contact without force holds | any |
+| `floating` | rigid motions of a moved body that are restrained only by contact without force | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `strain` | linear body: largest principal strain of the cells (modulus, at their midpoints), without the most strained cells that have 5 % of the volume | 0.15 |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
@@ -118,26 +118,26 @@ _MESSAGES = {
     "Newton's method may fail or find a folded state; take steps of about one facet",
     "passing": "the contact normal changes by {:.3g} degrees in one step where points come through "
     "the obstacle: the body may have passed through it; take shorter steps",
-    "approach": "points that face nothing approach the other face by {:.3g} search distances in "
-    "one step: the bodies may have passed through each other; take shorter steps or a larger "
-    "search_distance",
-    "behind_plane": "nodes are {:.2g} facet sizes behind a plane of symmetry, in their own images; "
-    "let what comes there touch a HalfSpace in that plane too",
-    "spin": "the face turns over the other one by {:.3g} degrees in one step, and friction acts "
+    "approach": "points without an opposing point approach the other face by {:.3g} search "
+    "distances in one step: the bodies may have passed through each other; take shorter steps or a "
+    "larger search_distance",
+    "behind_plane": "nodes are {:.2g} facet sizes behind a plane of symmetry and penetrate their "
+    "mirror images; add a contact surface with a HalfSpace in that plane as obstacle",
+    "spin": "the face rotates over the other face by {:.3g} degrees in one step, and friction acts "
     "along the chord; take shorter steps",
-    "between_points": "the obstacle is deep in a facet, between contact points, where no law acts, "
+    "between_points": "the obstacle penetrates a facet between contact points, where no law acts, "
     "by {:.2g} of the facet size or the radius; refine the face there",
-    "across": "a fraction of {:.2g} of the normal forces acts across the face: an edge of the "
-    "obstacle ploughs, or the obstacle is on the wrong side; take method='integral', round the "
-    "edge, or reverse the obstacle",
+    "across": "a fraction of {:.2g} of the normal forces is inclined to the normal of the face by "
+    "more than 66 degrees: an edge of the obstacle ploughs, or the obstacle is on the wrong side; "
+    "use method='integral', round the edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
-    "beside": "boundary that belongs to no contact surface is in the obstacle, by {:.2g} of the "
-    "compression at the contact, and nothing pushes it out; add its facets to the surface, or take "
-    "a RigidSurface that ends before it",
-    "facets": "the facets of the rigid surface are {:.2g} of the compression away from the smooth "
-    "surface, and the body feels their edges; take a finer triangulation, or a Sphere, Cylinder or "
-    "LevelSet",
+    "beside": "a part of the boundary without contact surface penetrates the obstacle by {:.2g} of "
+    "the compression at the contact; add its facets to the surface, or use a RigidSurface that "
+    "ends before it",
+    "facets": "the distance of the facets of the rigid surface from the smooth surface is {:.2g} "
+    "of the compression, so that their edges affect the forces; use a finer triangulation, or a "
+    "Sphere, Cylinder or LevelSet",
     "growth": "points that came into contact under the load have a fraction of {:.2g} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
@@ -155,10 +155,10 @@ _MESSAGES = {
     "displacements and loads in the same units? Linear strains are small",
     "apart": "no contact point touches, the smallest gap is {:.3g}, and the surfaces have no "
     "effect; check the signs and units of loads and displacements, and the side of the obstacle",
-    "floating": "a body has a free rigid motion ({}), which only contact without force holds, so "
-    "that its position is one of many; add a Dirichlet condition or a load",
+    "floating": "a body has a free rigid motion ({}), restrained only by contact without force, "
+    "so that its position is one of many; add a Dirichlet condition or a load",
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
-    "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
+    "faster than in the step before, and {:.0%} of the energy exchanged is neither stored nor "
     "dissipated; {}",
     "alternation": "friction alternates from step to step by a fraction of {:.2g}: if the law "
     "weakens with the speed, steps are too short; take longer steps, or NSCD with mass='lumped'",
@@ -175,7 +175,7 @@ _MOST_STRAINED = 0.05  # share of the volume in which strains are not limited
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
-_AT_ONCE = 0.01  # of the local compression: spread of initial gaps that close together
+_AT_ONCE = 0.01  # range of initial gaps that close together, relative to the compression
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _ALTERNATING = 4  # steps in which friction may alternate
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
@@ -259,7 +259,7 @@ class StepIndicators:
         number: number of the step.
         start: time at its start.
         time: time at its end.
-        speed: rate of change of all unknowns over that in the previous step.
+        speed: rate of change of all unknowns, relative to the previous step.
         residue: energy residue of the step relative to the energy exchanged in the step; positive
             for the energy released by a jump.
         searched: whether the run locates jumps, so that a warning is not needed.
@@ -305,8 +305,8 @@ class Indicators:
             and steps from states that are not solutions.
         apart: smallest gap if a body has moved and no contact point touches under the static law;
             None otherwise.
-        floating: rigid motions that only contact without force holds, of bodies that have moved; ""
-            if there are none.
+        floating: rigid motions of moved bodies that are restrained only by contact without force;
+            "" if there are none.
     """
 
     surfaces: dict[str, SurfaceIndicators]
@@ -320,7 +320,7 @@ class Indicators:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Messages by indicator and surface, as ``"misfit of 'floor'"`` or ``"rotation"``."""
+        """Messages by indicator and surface, with keys such as ``"misfit of 'floor'"``."""
         found = {}
         if self.min_det_F is not None and not self.min_det_F > LIMITS["min_det_F"]:
             found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
@@ -435,8 +435,8 @@ def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
 def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return why small sliding is not valid for the state in the Functions; "" if it is.
 
-    Proofs refuse such a state, because the solved problem differs from that of the displaced
-    bodies. Collective.
+    Such a state is refused by proofs, because the solved problem differs from the problem of the
+    displaced bodies. Collective.
     """
     found = {
         s.name: _of_small_sliding(eq, s, evaluation, contact, held)
@@ -680,8 +680,9 @@ def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Largest change of the normal of points that came through the obstacle. Collective.
 
-    A point comes through if the normal changes by more than a right angle and the place that
-    divides its way as the gaps at both ends lies in the obstacle, in the frame of the obstacle.
+    A point counts as passed if the normal changes by more than a right angle and an intermediate
+    position lies inside the obstacle, all in the frame of the obstacle. The intermediate position
+    divides the path in the ratio of the gaps at its two ends.
     """
     at, shape = contact.kinematics, s.displaced
     if shape is None or at.place is None:
@@ -706,7 +707,7 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 def _approach(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Approach in a step of points that face nothing over the search distance. Collective."""
+    """Return the approach in a step of unopposed points over the search distance. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     moved: Array = evaluation.u[: n * eq.dim].reshape(-1, eq.dim)
@@ -782,7 +783,7 @@ def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
 
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
-    """The same on this rank: depths of corners, edges, centres and axes in the nearest facets."""
+    """Return the relative depth of corners, edges, spheres and cylinders in facets of this rank."""
     now, cells, normals = s.points.facets.simplices(u)
     if not len(cells):
         return 0.0
@@ -811,7 +812,7 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
 
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
-    """Points (n, dim) of an obstacle in space, and the radius of a ball around each of them."""
+    """Return points (n, dim) of the displaced obstacle, and the radius of the ball around each."""
     shape = shape_of(s.obstacle)
     if isinstance(shape, RigidSurface):
         points = shape.points + s.partner.dragged(shape.points)
@@ -843,7 +844,7 @@ def _between(a: Array, b: Array, spacing: float) -> Array:
 
 
 def _numbers(given: Any) -> Array | None:
-    """Values of numbers and Constants as they are now; None of other UFL."""
+    """Return the values of numbers and Constants; None for other UFL expressions."""
     if isinstance(given, fem.Constant):
         return np.asarray(given.value, dtype=np.float64)
     try:
@@ -866,7 +867,7 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluatio
 def _beside(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Depth of boundary nodes on no contact surface over the compression. Collective."""
+    """Return the depth of nodes off the contact surfaces over the compression. Collective."""
     compression = _compression(eq, s, contact)
     if compression == 0.0:
         return 0.0

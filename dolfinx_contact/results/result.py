@@ -176,7 +176,7 @@ class Result:
 
     @property
     def misfit(self) -> float | None:
-        """Largest misfit of small sliding over all surfaces, a length; None if none is known."""
+        """Largest error of the gap in small sliding, a length (`misfit`); None if not evaluated."""
         misfits = (s.misfit for s in self.indicators.surfaces.values())
         return max((v for v in misfits if v is not None), default=None)
 
@@ -222,7 +222,7 @@ class Result:
 
 
 def _shown(vector: Array, largest: float) -> str:
-    """Return components as text, with 0 for those that are round-off of the largest force."""
+    """Return components as text; round-off of the largest force is printed as 0."""
     return "(" + ", ".join(as_text(v, largest) for v in vector) + ")"
 
 

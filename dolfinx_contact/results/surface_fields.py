@@ -97,8 +97,8 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         Gap ``un``, slip ``ut``, normal ``n``, ``traction`` on the body, ``pressure``, ``shear``,
         and radius ``bound`` of the friction disc. Forces are divided by the whole vertex areas,
         including parts without an opposing surface. ``open`` and ``slip`` are the fractions of the
-        area around a vertex with that status (0 or 1 if the vertices are the contact points), and
-        ``minus`` in 2D that of the area slipping with u_t < 0.
+        area around a vertex with that status (0 or 1 if the vertices are the contact points); in
+        2D, ``minus`` is the fraction that slips with u_t < 0.
     """
     s = eq.surfaces[number]
     contact = evaluation.surfaces[number]
@@ -130,7 +130,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, slip_at_points: Array
 ) -> dict[str, Array]:
-    """Return values of the Functions at the vertices, not means around them. Collective."""
+    """Return values of the Functions at the vertices instead of means around them. Collective."""
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)

@@ -81,7 +81,8 @@ class ContactTable:
             (recovered), b (broken); None for other laws.
         internal: internal variables of the law by name, such as the intensity of adhesion
             ``beta``, shape (n,) each.
-        axisymmetric: whether forces and areas are those of a body of revolution.
+        axisymmetric: whether forces and areas are integrals over the circumference of a body of
+            revolution.
         slid: slip distance accumulated in an evolution, a length, shape (n,); None for laws that do
             not depend on it.
     """
@@ -159,7 +160,7 @@ class ContactTable:
 
     @property
     def closed(self) -> Mask:
-        """Mask of the closed points, which stick or slip, shape (n,); clamped points are not."""
+        """Mask of the closed points (stick or slip), without clamped points, shape (n,)."""
         return self.sticks | self.slips
 
     @property
@@ -175,9 +176,9 @@ class ContactTable:
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """Return the columns of ``contact.csv`` by name, shape (n,) each.
 
-        Vectors are split into three components; those along z are 0 in 2D. Laws with adhesion add
-        ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws depending on the slip distance
-        add ``slid``.
+        Vectors are split into three components; components along z are 0 in 2D. Laws with adhesion
+        add ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws depending on the slip
+        distance add ``slid``.
         """
         vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
         parts = {
@@ -227,7 +228,7 @@ def contact_table(
     """Return the table of a surface at a state. Collective.
 
     Where Dirichlet data prescribe the whole tangential displacement, the support replaces friction:
-    the bound is 0, and the letter is that of the prescribed motion.
+    the bound is 0, and the letter describes the prescribed motion.
 
     Args:
         eq: contact problem.

@@ -17,7 +17,7 @@ __all__ = ["Theory", "Uniqueness", "check_seconds", "checked_seconds"]
 
 @dataclass(frozen=True)
 class Uniqueness:
-    """Whether a solution is the only one.
+    """Result of an analysis of uniqueness of a solution.
 
     Attributes:
         verdict: ``"proved"`` if the solution is proved to be the only one, ``"others exist"`` if

@@ -62,8 +62,7 @@ class RigidSurface(ReadOnly, Obstacle):
 
     The law is enforced at contact points. Between contact points, a corner or edge of the surface
     can penetrate a facet of the body (indicator ``between_points``). Nodes next to a sharp edge are
-    pushed
-    sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
+    pushed sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
     ``across``). In the integral method nodes can pass below edges. Each rank stores the whole
     surface (about 1 kB per facet). Self-intersections, for example between solids that were not
     united, are not detected; distances from outside remain exact.
@@ -184,7 +183,7 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @cached_property
     def heights(self) -> tuple[Array, Array]:
-        """Heights of the smooth surface over the facets, and widths of these, shape (k,) each.
+        """Heights of the smooth surface over the facets, and facet widths, shape (k,) each.
 
         They follow from the averaged normals: 0 for flat parts, h^2/(8 R) for chords of a circle.
         """

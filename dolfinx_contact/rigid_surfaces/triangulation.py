@@ -33,12 +33,12 @@ _REPAIR = "pyvista.read(path).clean().compute_normals(auto_orient_normals=True)"
 
 @dataclass(frozen=True)
 class Features:
-    """Ridges, or points, of a surface.
+    """Normals and flags of the ridges or of the points of a surface.
 
     Attributes:
         normals: outward pseudonormals, not normalised, shape (m, dim).
-        creases: mask of those at which normals are not averaged.
-        rims: mask of those on the rim.
+        creases: mask of the ridges or points at which normals are not averaged, shape (m,).
+        rims: mask of the ridges or points on the rim, shape (m,).
     """
 
     normals: Array

@@ -64,8 +64,8 @@ class Attempt:
         reason: reason for its end.
         steps: Newton iterates.
         converged: whether the strategy solved the problem.
-        restless: coordinates of points that changed status in the last step, by surface name.
-        limit: cost at which the strategy gives up.
+        restless: coordinates of points whose status changed in the last step, by surface name.
+        limit: cost, in Newton steps, at which the strategy gives up.
         evaluations: number of residual evaluations.
         linear_solver_failed: whether it ended because PETSc did not solve a linear system.
         floats: whether it ended because a rigid motion of the body was free.
@@ -94,7 +94,7 @@ class Attempt:
 
     @property
     def iterations(self) -> int:
-        """Number of Newton steps; starts are not counted."""
+        """Number of Newton steps, without initial iterates."""
         return len([s for s in self.steps if s.iteration > 0])
 
     @property

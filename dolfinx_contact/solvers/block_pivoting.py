@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pivoting: solve H with held statuses, then change the statuses of points that object.
+"""Pivoting: solve H with fixed statuses, then change the statuses that the solution violates.
 
 Block principal pivoting with a safeguard (Judice and Pires, Computers & Operations Research 21,
-1994). A point objects if its solution requires another status.
+1994). A point *objects* if the solution requires another status there.
 
 1. Solve the piece of H with the held statuses.
 2. As long as the number of objecting points reaches new minima, all of them change their status.
@@ -66,7 +66,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def _by_stick(required: Codes, held: Codes) -> Codes:
-    """Return the required statuses, but stick where slip would reverse: their common bound."""
+    """Return the required statuses, but stick where slip would be reversed."""
     before = senses(held)
     after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
@@ -74,7 +74,7 @@ def _by_stick(required: Codes, held: Codes) -> Codes:
 
 
 def _last(eq: ContactEquations, objecting: list[Mask]) -> list[Mask]:
-    """Return the mask of the last objecting point, by surface, coordinates, nodes. Collective."""
+    """Return the mask of the last point that requires another status. Collective."""
     keys = []
     for i, (s, o) in enumerate(zip(eq.surfaces, objecting, strict=True)):
         places = np.asarray(np.round(s.positions / eq.body_size, 9))

@@ -6,7 +6,7 @@ a softening bond pushes its neighbours, and they push it. This strategy is the a
 minimisation of Bourdin, Francfort and Marigo (J. Mech. Phys. Solids 48, 2000):
 
 1. the strengths of all bonds are held, and contact and friction are solved with them;
-2. each bond gets the strength that the law gives it at that state, if it is smaller;
+2. the strength of each bond is reduced to the value of the law at that state, if it is smaller;
 3. when the strengths hardly change any more, Newton's method continues with the law itself.
 
 No bond ever grows stronger, so the strengths converge for any step. Where the state jumps, bonds
@@ -49,7 +49,7 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
         pairs = zip(eq.terms, strengths, strict=True)
         held = eq.with_terms([replace(term, strength=strength) for term, strength in pairs])
         if not _solve(held, solver.linear, x, attempt):
-            attempt.reason = f"bonds that are held, round {rounds}: {attempt.reason}"
+            attempt.reason = f"at fixed bond strengths, round {rounds}: {attempt.reason}"
             return False
         change = _weaken(eq, x, strengths)
         if change <= near[0]:
@@ -86,7 +86,7 @@ def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: 
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
-    """Reduce strengths to those of the law at a state; return the largest change. Collective."""
+    """Reduce strengths to the strengths of the law at a state; return the largest change."""
     change = 0.0
     for i, (s, contact) in enumerate(
         zip(eq.surfaces, eq.evaluate_contact(x).surfaces, strict=True)

@@ -39,7 +39,7 @@ class ClosedPoints:
     Attributes:
         held: mask of owned displacement dofs of nodes in contact with an obstacle.
         joined: masks of closed points of this rank, one per pair of bodies.
-        guessed: whether a surface has no closed point, so its closed nodes are guessed.
+        guessed: whether closed nodes are guessed because a surface has no closed point.
     """
 
     held: Mask
@@ -79,7 +79,7 @@ class ClosedPoints:
         return cls(np.repeat(marked[: V.dofmap.index_map.size_local], bs), joined, guessed)
 
     def differs(self, other: ClosedPoints | None) -> bool:
-        """Return whether other nodes or points are closed on this rank."""
+        """Return whether the closed nodes or points differ from ``other`` on this rank."""
         if other is None or bool((self.held != other.held).any()):
             return True
         pairs = zip(self.joined, other.joined, strict=True)
@@ -123,7 +123,7 @@ def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints,
 
     Args:
         B: operator B without components; overwritten by B with scaled rows.
-        share: share of the area of a node of each joined point, shape (n,).
+        share: ratio of the area of each joined point to the area of a node, shape (n,).
         compliance: compliance of the owned nodes.
     """
     points, nodes, b = triplets(B)

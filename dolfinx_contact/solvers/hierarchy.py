@@ -2,10 +2,10 @@
 """Multigrid hierarchy of the stiffness that is kept when statuses change.
 
 Algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
-space. The hierarchy is built from the stiffness with those nodes fixed that are closed then.
-Statuses may change afterwards, because the surface filter corrects the resulting errors at the
-contact nodes. Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more
-in the set-up and needs fewer iterations.
+space. The hierarchy is built from the stiffness with all currently closed nodes fixed. Statuses may
+change afterwards, because the surface filter corrects the resulting errors at the contact nodes.
+Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more in the set-up
+and needs fewer iterations.
 
 In a time step, the mass may make the matrix so well conditioned that a hierarchy does not pay. A
 polynomial preconditioner of low degree is then used instead.
@@ -115,19 +115,19 @@ _PRODUCTS = {"matptap_via": "rap"}
 
 
 class Hierarchy:
-    """Multigrid hierarchy of the stiffness, kept until it is built again.
+    """Multigrid hierarchy of the stiffness, kept until the next call of `build`.
 
     Args:
         V: displacement space.
         prefix: prefix of PETSc options; the hierarchy appends ``amg_``.
         symmetric: whether the stiffness is symmetric and positive definite.
-        massive: whether the stiffness contains a mass matrix; a polynomial preconditioner may then
-            suffice.
-        interpolation: interpolation of GAMG.
+        massive: whether a mass matrix is added to the stiffness; a polynomial preconditioner may
+            then suffice.
+        interpolation: interpolation of GAMG, `PLAIN` or `SMOOTHED` aggregates.
 
     Attributes:
         null_space: rigid motions, for `Mat.setNearNullSpace`.
-        interpolation: interpolation of GAMG for the next `build`.
+        interpolation: interpolation of GAMG in the next `build`, `PLAIN` or `SMOOTHED`.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class Hierarchy:
 
     @property
     def may_smooth(self) -> bool:
-        """Whether the interpolation is plain and smoothing it is possible."""
+        """Whether the interpolation is plain and can be changed to smoothed aggregates."""
         given = PETSc.Options().hasName(self.prefix + "pc_gamg_agg_nsmooths")
         return self.kind == "gamg" and self.interpolation is PLAIN and not given
 
@@ -218,7 +218,7 @@ class Hierarchy:
         return self.pc
 
     def _shrink(self, pc: PETSc.PC, free: bool) -> None:
-        """Store the first coarse matrix by half and free data of the set-up. Collective.
+        """Store only half of the first coarse matrix, and free data of the set-up. Collective.
 
         Args:
             pc: preconditioner after its set-up.
@@ -266,12 +266,12 @@ class Hierarchy:
 
 
 class _Held:
-    """Context of a Mat: symmetric matrix with some rows and columns of a scaled identity.
+    """Context of a Mat: symmetric matrix with some rows and columns set to a scaled identity.
 
     Matrix and work vector are composed with the Mat, which frees them on all ranks.
 
     Args:
-        rows: owned local indices of these rows.
+        rows: owned local indices of the replaced rows.
         diagonal: diagonal entry of these rows.
     """
 
@@ -329,7 +329,7 @@ def condition(A: PETSc.Mat, steps: int) -> float:
 
 
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
-    """Rigid motions of the whole body as a PETSc null space, and its vectors. Collective.
+    """Return the rigid motions of the body as a PETSc null space, and its vectors. Collective.
 
     For a body of revolution they are the rigid motions of its section: in each cell the
     circumferential strain is small compared with the others. With only the axial translation, the

@@ -87,9 +87,9 @@ class AssembledSolver(LinearSolver):
         if ksp.getConvergedReason() != PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
             return f"the linear solver failed ({reasons})"
         return (
-            f"the linear solver failed ({reasons}): a singular matrix, by an unheld part of the "
-            "mesh, a zero stiffness, or contact conditions that contradict Dirichlet data; or "
-            "a solver that does not cope with this matrix"
+            f"the linear solver failed ({reasons}): the matrix is singular (a part of the mesh "
+            "without support, a zero stiffness, or contact conditions that contradict Dirichlet "
+            "data), or the solver is not suitable for it"
         )
 
     def inaccuracy(self, ksp: PETSc.KSP) -> str:
@@ -117,7 +117,7 @@ class LinearSolverChoice:
         self._options: dict[str, str] = {}
 
     def __call__(self) -> LinearSolver:
-        """Return the solver; ``ValueError`` for an unknown kind."""
+        """Return the solver; raise ``ValueError`` for an unknown kind."""
         options = self._equations.options.beside_newton()
         if any_rank(self._equations.comm, options != self._options):
             self.release()

@@ -72,7 +72,8 @@ def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Follow the load from ``x``, which receives the solution at full load, and return success.
 
     Args:
-        solver: Newton's method, whose number of iterations limits those at a point of the branch.
+        solver: Newton's method; its maximum number of iterations also applies at points of the
+            branch.
         x: start; receives the solution.
         attempt: attempt recording the reason for a failure.
     """

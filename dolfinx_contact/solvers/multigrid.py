@@ -168,7 +168,7 @@ class Multigrid(LinearSolver):
         self.filter.apply(r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Solve the rows of r on the surface for its unknowns, with the body held. Collective."""
+        """Solve the rows on the surface for its unknowns, with the body held fixed. Collective."""
         s = self.filter.surface.local
         z.set(0.0)
         z.array[s] = self.filter.solve(r.array_r[s])
@@ -177,13 +177,13 @@ class Multigrid(LinearSolver):
         """Return the sign of det P up to a constant factor. Collective.
 
         P eliminates the surface exactly. On the remaining unknowns it is a multigrid cycle, which
-        is symmetric and positive definite, so the sign is that of the surface block.
+        is symmetric and positive definite, so the surface block determines the sign.
         """
         assert self.filter.block is not None
         return self.filter.block.factor.determinant_sign
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record the iterations of a solve beyond those of a new hierarchy, for `update`."""
+        """Record the excess of the iterations of a solve over a new hierarchy, for `update`."""
         if self._unused and digits > _SEEN:
             # The iterations of a hierarchy built from a guess do not indicate those of the next.
             guessed = self.builds == 1 or self._closed is None or self._closed.guessed
@@ -194,10 +194,10 @@ class Multigrid(LinearSolver):
 
     @property
     def _per_digit(self) -> float:
-        """Expected iterations per decimal digit with a new hierarchy.
+        """Return the expected iterations per decimal digit with a new hierarchy.
 
-        They are at least those that this hierarchy needed when it was new: nearly incompressible
-        bodies need many iterations with any hierarchy.
+        The number is not smaller than for this hierarchy when it was new, because nearly
+        incompressible bodies need many iterations with any hierarchy.
         """
         return max(self.hierarchy.interpolation.per_digit, self._measured)
 

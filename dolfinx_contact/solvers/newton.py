@@ -2,8 +2,8 @@
 """Semismooth Newton's method on SNES.
 
 The statuses are determined again at every iterate before residual and Jacobian are evaluated, so
-the Jacobian is an element of the generalised Jacobian of H. The only exception is the first step
-from a body touching nothing, which uses guessed statuses. Convergence is judged block by block
+the Jacobian is an element of the generalised Jacobian of H. The only exception is the first step of
+a body without contact, which uses guessed statuses. Convergence is judged block by block
 (`measures`). Full steps returning to earlier statuses are stopped as a cycle.
 
 SNES requests residual, Jacobian and convergence in separate calls, each for given unknowns. Every
@@ -97,11 +97,11 @@ class LinearSolver(JacobianSolver):
         raise NotImplementedError
 
     def inaccuracy(self, ksp: PETSc.KSP) -> str:
-        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
+        """Return a message if PETSc accepted an inaccurate solve, otherwise "". Collective."""
         return ""
 
     def tighten(self) -> bool:
-        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
+        """Tighten the tolerances after a cycle of statuses; return whether this was possible."""
         return False
 
 
@@ -116,7 +116,7 @@ class _Run:
         held: statuses with which H is evaluated; None: those determined by the unknowns.
         most: number of steps after which the run ends; None: only at a solution.
         history: statuses and residual of the iterates.
-        guess: statuses for the next Jacobian; None: those of the iterate.
+        guess: statuses for the next Jacobian; None: statuses of the iterate.
         warm: whether the run began from a state in contact.
         floating: error about a free rigid motion, which ended the run.
     """
@@ -148,9 +148,9 @@ class _Run:
 
 
 class Newton:
-    """SNES for a contact problem; a context manager. Collective, as its methods are.
+    """SNES for a contact problem, a context manager. Collective, like its methods.
 
-    Force and length scales of the residual are shared by the runs.
+    All runs share the force and length scales of the residual.
 
     Args:
         equations: contact problem.
@@ -238,7 +238,7 @@ class Newton:
             attempt: attempt recording the iterates, the reason for the end, and the evaluation
                 at a solution of H.
             start: evaluation at the start, if available.
-            held: statuses with which H is evaluated; default: those determined by the unknowns.
+            held: statuses with which H is evaluated; default: statuses determined by the unknowns.
             most: number of steps after which the run ends successfully; default: none.
 
         Raises:
@@ -412,9 +412,9 @@ class Newton:
     def _measure(self, evaluation: Evaluation) -> Measures:
         """Return the measures of the residual of a state.
 
-        The scales remember the forces and lengths of the start. If those of a state that appears
-        converged are a million times smaller, its own scales are used from then on: relative to a
-        distant start everything is small.
+        The scales include the forces and lengths of the start. If an apparently converged state has
+        scales a million times smaller, these are used from then on, because relative to a distant
+        start any residual is small.
         """
         measures, self.scales = measure(self.equations, evaluation, self.scales)
         if measures.worst <= self.tolerance:
@@ -429,10 +429,10 @@ class Newton:
     def _first_statuses(self, statuses: Statuses, evaluation: Evaluation) -> Statuses:
         """Return the statuses of the first step, guessed where a body touches nothing.
 
-        For such a body the first step would lead into the obstacle, and the second would hold all
-        points that got there. Points that are expected to close therefore stick in the first step.
-        Held statuses are not replaced. With a line search, which needs a step of H itself, they are
-        only replaced if a body would float.
+        Without guesses the first step would lead such a body into the obstacle, and the second step
+        would hold all points inside it. Points that are expected to close therefore stick in the
+        first step. Prescribed statuses are not replaced. A line search needs a step of H itself;
+        statuses are then guessed only if a body would float.
         """
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, evaluation)
@@ -458,7 +458,7 @@ class Newton:
         return bool(loose)
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
-        """Return whether statuses return after others while the residual has not halved."""
+        """Return whether earlier statuses recur although the residual has not halved."""
         others = [
             worst <= 0.5 * old_worst or any(c.any() for c in differs(statuses, old))
             for old, old_worst in self._run.history[:-1]
@@ -466,7 +466,7 @@ class Newton:
         return not all(anywhere(self.comm, *others))
 
     def _at_round_off(self, statuses: Statuses, worst: float) -> str:
-        """Return a message that the residual cannot fall further, or "".
+        """Return a message if the residual cannot decrease further, otherwise "".
 
         This is assumed if it stays small from step to step while no status changes.
         """

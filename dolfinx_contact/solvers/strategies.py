@@ -2,9 +2,9 @@
 """Solve a contact problem: Newton's method with full steps, then fallback strategies.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-Newton's method begins at extrapolated unknowns if the caller has them. Then the first step may hold
-expected statuses, such as those of the previous step of an evolution: at the start of a step every
-slipping point is at the border of stick, and its own state does not determine its status. The
+Newton's method begins at extrapolated unknowns if the caller has them. Then the first step may use
+expected statuses, such as the statuses of the previous step of an evolution: at the start of a step
+every slipping point is at the border of stick, and its own state does not determine its status. The
 strategies, in this order and each from the caller's state:
 
 1. Full Newton steps.
@@ -72,7 +72,7 @@ _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """States from which a solve starts, and how much it tries.
+    """Starting points of a solve, and the strategies that it tries.
 
     Attributes:
         expected: expected statuses, the likeliest first.
@@ -107,7 +107,7 @@ def solve(
         monitor: function called with every Newton iterate, on every rank.
         increments: initial number of load increments.
         progress: progress line.
-        trial: starts of the solve, and its extent.
+        trial: starting points of the solve, and whether only full Newton steps are tried.
 
     Returns:
         Solution, and attempts of the strategies, of which the last one succeeded.
@@ -295,7 +295,7 @@ def strategies(
 
     Args:
         eq: contact problem.
-        trial: starts of the solve, and its extent.
+        trial: starting points of the solve, and whether only full Newton steps are tried.
         increments: initial number of load increments.
         start: evaluation at the state of the caller, if available.
     """
@@ -335,7 +335,7 @@ def strategies(
 
 
 def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
-    """Newton's method from given unknowns."""
+    """Run Newton's method from given unknowns."""
     eq = solver.equations
     x.array[:] = unknowns
     attempt.reason = inverted(eq, x)
@@ -352,7 +352,7 @@ def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Arr
 
 
 def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Lemke's method on the reduced problem."""
+    """Run Lemke's method on the reduced problem."""
     from dolfinx_contact.algorithms.classical import start_by_lemke
 
     if solver.max_iterations < 1:

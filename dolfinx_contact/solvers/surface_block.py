@@ -40,7 +40,7 @@ _STRUCTURE = PETSc.Mat.Structure
 
 
 class SurfaceSet:
-    """The unknowns s of a contact surface: dofs of its nodes, then all multipliers.
+    """Unknowns s of the contact surfaces: dofs of their nodes, then all multipliers.
 
     Attributes:
         local: local indices of s.
@@ -142,7 +142,7 @@ class SurfaceBlock:
         destroy(self.factor, *self._made.values())
 
     def _copy(self, name: str, A: PETSc.Mat) -> None:
-        """Copy a matrix, into the one of this name if it exists. Collective."""
+        """Copy a matrix, reusing the matrix of this name if it exists. Collective."""
         if name in self._made:
             A.copy(self._made[name], structure=_STRUCTURE.SAME_NONZERO_PATTERN)
         else:

@@ -300,7 +300,7 @@ def test_branch_record_refuses_other_folders_and_functionals(whole, folder):
             BranchRecord(folder / "new", system, {name: recorded_run.force})
         with pytest.raises(ValueError, match="the name of a functional must be a word, got"):
             journal_of(system, [], {name: recorded_run.force})
-    with pytest.raises(ValueError, match="every 1 or more"):
+    with pytest.raises(ValueError, match="every must be an integer of at least 1"):
         BranchRecord(folder / "new", system, every=0)
     with pytest.raises(ValueError, match="must be a function of the problem"):
         BranchRecord(folder / "new", system, {"one": 1.0})
