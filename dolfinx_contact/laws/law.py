@@ -18,7 +18,7 @@ Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
@@ -390,10 +390,16 @@ class Law:
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
+    def _settings(self) -> dict[str, Any]:
+        """Values of all fields, by name, except None where this is the default."""
+        law: Any = self
+        known = [(f, getattr(law, f.name)) for f in (fields(law) if is_dataclass(law) else ())]
+        return {f.name: value for f, value in known if not (value is None and f.default is None)}
+
+    @property
     def _laws(self) -> dict[str, Law]:
         """Fields that are laws, by name."""
-        values = {f.name: getattr(self, f.name) for f in _fields_of(self)}
-        return {name: v for name, v in values.items() if isinstance(v, Law)}
+        return {name: v for name, v in self._settings.items() if isinstance(v, Law)}
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -401,12 +407,8 @@ class Law:
 
         Fields without a value whose default is None are omitted.
         """
-        found = {}
-        for f in _fields_of(self):
-            value = getattr(self, f.name)
-            omitted = value is None and f.default is None
-            if not (f.name in self.options or omitted or isinstance(value, Law)):
-                found[f.name] = value
+        omitted = {*self.options, *self._laws}
+        found = {name: v for name, v in self._settings.items() if name not in omitted}
         for name, law in self._laws.items():
             found |= {f"{name}.{k}": v for k, v in law.given.items()}
         return found
@@ -438,11 +440,6 @@ class Law:
             coefficients[k] = fem.Constant(domain, float(v)) if is_number(v) else v
             refuse_other_mesh(coefficients[k], domain, f"{k} of {self.name}")
         return self.having(coefficients)
-
-
-def _fields_of(law: Any) -> tuple[Field[Any], ...]:
-    """Return the dataclass fields of a law."""
-    return fields(law) if is_dataclass(law) else ()
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
