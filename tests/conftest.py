@@ -1,6 +1,7 @@
 """Tests run serial and under mpirun; only rank 0 reports, and any rank that fails fails the run."""
 
 import faulthandler
+import gc
 import os
 from pathlib import Path
 
@@ -19,6 +20,14 @@ STDERR = os.fdopen(os.dup(2), "w")
 LIMIT = 400
 #: Folder of the adversarial tests, of which a sample runs by default.
 ADVERSARIAL = Path(__file__).parent / "adversarial"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def free_communicators():
+    """Free the communicators of unused meshes; MPICH has 2048, and reference cycles hold them."""
+    yield
+    if COMM.size == 1:
+        gc.collect()
 
 
 @pytest.hookimpl(trylast=True)
