@@ -336,7 +336,8 @@ class Reduction:
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
         rows = first + np.arange(n)[:, None]
         columns = np.arange(term.motion_slice.start, term.motion_slice.stop)
-        return self._matrix(n, rows, columns, -term.motions_at_points().reshape(n, -1))
+        moved = -term.motions_at_points().reshape(n, len(columns))
+        return self._matrix(n, rows, columns, moved)
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
         """Return a matrix of n rows and the columns of the rigid bodies on this rank."""
