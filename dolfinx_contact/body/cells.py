@@ -260,7 +260,9 @@ def smallest_jacobian(
     return _least(domain, values)
 
 
-def strain_exceeded(V: fem.FunctionSpace, u: Array, share: float) -> float:
+def strain_exceeded(
+    V: fem.FunctionSpace, u: Array, share: float, *, axisymmetric: bool = False
+) -> float:
     """Return the principal strain that is exceeded in a share of the volume. Collective.
 
     The strain of a cell is the largest modulus of the principal values of sym(grad u) at its
@@ -271,6 +273,7 @@ def strain_exceeded(V: fem.FunctionSpace, u: Array, share: float) -> float:
         V: space of the displacement.
         u: displacement at all local dofs, including ghosts.
         share: share of the volume, between 0 and 1.
+        axisymmetric: whether the body is a body of revolution. Default: False.
     """
     domain = V.mesh
     dim = domain.geometry.dim
@@ -283,10 +286,12 @@ def strain_exceeded(V: fem.FunctionSpace, u: Array, share: float) -> float:
     for part in chunks(n):
         dX = _gradients_of(x[nodes[part]], of_mesh)[:, 0]
         du = _gradients_of(u.reshape(-1, dim)[V.dofmap.list[part]], of_u)[:, 0]
-        grad = np.linalg.solve(dX.transpose(0, 2, 1), du.transpose(0, 2, 1))
-        strain = (grad + grad.transpose(0, 2, 1)) / 2
+        transposed = np.linalg.solve(dX.transpose(0, 2, 1), du.transpose(0, 2, 1))  # of grad u
+        strain = (transposed + transposed.transpose(0, 2, 1)) / 2
         strains[part] = np.abs(np.linalg.eigvalsh(strain)).max(axis=1)
         volumes[part] = np.abs(determinants(dX))
+        if axisymmetric:
+            volumes[part] *= x[nodes[part], 0].mean(axis=1)
     whole = total(domain.comm, volumes.sum())
     low, high = 0.0, maximum(domain.comm, strains)
     for _ in range(_BISECTIONS):

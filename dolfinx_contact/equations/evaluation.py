@@ -45,9 +45,10 @@ __all__ = [
 #: Status codes of the contact points of this rank, surface by surface.
 Statuses = Sequence[Codes]
 
-_NO_SLIP = 1e-12  # slip along a held direction, relative to the largest jump, that is round-off
-_STEPS = 50  # of Newton's method for the friction along held directions
+_NO_SLIP = 1e-9  # r times a slip, relative to the friction bound, that counts as round-off
+_STEPS = 50  # largest number of Newton steps for the friction along driven directions
 _SINGULAR = 1e-9  # derivative of T - e . tau below which a point sticks or is at the border
+_ACCURACY = 64 * np.finfo(np.float64).eps  # of this friction, relative to the friction bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,9 @@ class SurfaceEvaluation:
         statuses: status codes with which the law was evaluated, shape (n,).
         answers: answers of the law for every status.
         law_traction: traction given to the law, shape (n, dim). It differs from ``traction`` at
-            points that slip along a held direction (`SurfaceTerm.held_directions`).
-        held: held directions of these points, 0 elsewhere, shape (n, dim); None without one.
+            points that Dirichlet data move along a direction (`SurfaceTerm.driven_directions`).
+        driven: unit vectors of these directions, 0 at other points, shape (n, dim); None without
+            such points.
     """
 
     kinematics: Kinematics
@@ -71,7 +73,7 @@ class SurfaceEvaluation:
     statuses: Codes
     answers: Answers
     law_traction: Array
-    held: Array | None = None
+    driven: Array | None = None
 
     @property
     def jump(self) -> Array:
@@ -84,21 +86,22 @@ class SurfaceEvaluation:
         return self.kinematics.data
 
     def complete(self, rate: Array) -> Array:
-        """Return a derivative of the answer including the change of held friction.
+        """Return the total derivative of tau along a parameter, given that at constant T.
 
-        The friction T along a held direction e satisfies T = e . tau. Hence
+        The friction T along a driven direction e satisfies T = e . tau. Hence
 
             dtau = rate + p (e . rate) / (1 - e . p),    p = dtau/dt e.
 
         Args:
             rate: derivative at constant T, shape (n, dim, ...).
         """
-        if self.held is None:
+        e = self.driven
+        if e is None:
             return rate
-        slope = _friction_slope(self.answers, self.statuses, self.held)
-        rest = 1.0 - np.sum(self.held * slope, axis=1)
+        slope = _friction_slope(self.answers, self.statuses, e)
+        rest = 1.0 - np.sum(e * slope, axis=1)
         factor = slope / np.where(rest > _SINGULAR, rest, np.inf)[:, None]
-        return np.asarray(rate + np.einsum("ni,nj,nj...->ni...", factor, self.held, rate))
+        return np.asarray(rate + np.einsum("ni,nj,nj...->ni...", factor, e, rate))
 
     @cached_property
     def answer(self) -> Array:
@@ -218,7 +221,7 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
 
 
 def _friction_slope(answers: Answers, statuses: Codes, e: Array) -> Array:
-    """Return the derivatives of the answers with respect to tractions along e, shape (n, dim)."""
+    """Return the derivative of tau per traction along e at each point, shape (n, dim)."""
     return np.einsum("nij,nj->ni", answers.by_traction(statuses), e)
 
 
@@ -280,16 +283,21 @@ class SurfaceTerm:
         """
         at = self.kinematics(u, q)
         traction = self.surface.points.traction(np.where(self.removed, 0.0, multipliers))
-        held = self._slipping(at)
-        if held is None:
-            return SurfaceEvaluation(at, traction, *self._law(at, traction, statuses), traction)
-        given = self._with_held_friction(at, traction, statuses, held)
-        return SurfaceEvaluation(at, traction, *self._law(at, given, statuses), given, held)
+        codes, answers = self._law(at, traction, statuses)
+        driven = self._driven(at, answers)
+        if driven is None:
+            return SurfaceEvaluation(at, traction, codes, answers, traction)
+        given = self._with_driven_friction(at, traction, statuses, driven, answers)
+        codes, answers = self._law(at, given, statuses)
+        return SurfaceEvaluation(at, traction, codes, answers, given, driven)
 
     def _law(
         self, at: Kinematics, traction: Array, statuses: Codes | None
     ) -> tuple[Codes, Answers]:
-        """Return statuses, and the answers of the law to a traction. See `evaluate`."""
+        """Return statuses, and the answers of the law to a traction. See `evaluate`.
+
+        Collective for nonlocal laws alone.
+        """
         s = self.surface
         if self.strength is None:
             answers = s.law_at_points(at.jump, traction, at.data, statuses)
@@ -305,49 +313,63 @@ class SurfaceTerm:
         return codes, answers
 
     @cached_property
-    def held_directions(self) -> Array | None:
-        """Tangential directions in which Dirichlet data hold a point that is free along the other.
+    def driven_directions(self) -> Array | None:
+        """Tangents along which Dirichlet data fix the jump of a point that is free across them.
 
-        The multiplier along such a direction is removed. If the data move the point along it, the
-        point slips, and the law determines the friction T = e . tau along the direction e. It
-        belongs to the traction given to the law; otherwise the friction along the other direction
-        would depend on the augmentation parameter r. Unit vectors, 0 at other points, shape
-        (n, dim); None without such points on this rank, or if several multipliers act at a point.
+        The multiplier along such a direction e is removed. If the data move the point along e, it
+        slips, and the law determines the friction T = e . tau. T belongs to the traction given to
+        the law; otherwise the friction across e would depend on the augmentation parameter r.
+
+        Unit vectors, 0 at other points, shape (n, dim). None without such points on this rank, for
+        nonlocal laws, and if several multipliers act at a point. Not collective.
         """
         s = self.surface
-        if s.dim == 2 or STICK not in s.law_at_points.codes or s.law.averaging is not None:
-            return None
-        if s.points.E is not None:
+        local = s.points.E is None and s.law.averaging is None
+        if s.dim == 2 or not local or STICK not in s.law_at_points.codes:
             return None
         removed = self.removed.reshape(-1, s.dim)[: s.points.number]
-        one = (removed.sum(axis=1) == 1) & ~(removed & (np.abs(s.points.data.n) > 0.5)).any(axis=1)
+        one = removed.sum(axis=1) == 1
         return np.where(one[:, None], removed, False).astype(float) if one.any() else None
 
-    def _slipping(self, at: Kinematics) -> Array | None:
-        """Return `held_directions` at the points that slip along them; None without such points."""
-        if self.held_directions is None:
-            return None
-        slip = np.abs(np.sum(self.held_directions * at.jump, axis=1))
-        slips = slip > _NO_SLIP * np.linalg.norm(at.jump, axis=1).max()
-        return np.where(slips[:, None], self.held_directions, 0.0) if slips.any() else None
+    def _driven(self, at: Kinematics, answers: Answers) -> Array | None:
+        """Return `driven_directions` at the points that slip along them; None without such points.
 
-    def _with_held_friction(
-        self, at: Kinematics, traction: Array, statuses: Codes | None, e: Array
-    ) -> Array:
-        """Return the traction with the friction T along the held directions e, T = e . tau.
-
-        Newton's method starts at the largest friction, from where it converges monotonically.
+        Not collective.
         """
-        codes, answers = self._law(at, traction, statuses)
-        T = -np.sign(np.sum(e * at.jump, axis=1)) * np.fmax(answers.bound, 0.0)
+        e = self.driven_directions
+        if e is None:
+            return None
+        slip = at.data.r * np.abs(np.sum(e * at.jump, axis=1))
+        slips = slip > _NO_SLIP * np.fmax(answers.bound, 0.0)
+        return np.where(slips[:, None], e, 0.0) if slips.any() else None
+
+    def _with_driven_friction(
+        self, at: Kinematics, traction: Array, statuses: Codes | None, e: Array, answers: Answers
+    ) -> Array:
+        """Return the traction with the friction T along the driven directions e, T = e . tau.
+
+        Newton's method starts at the largest friction; for a friction disc it converges
+        monotonically. T is NaN where it does not converge. Not collective.
+
+        Args:
+            at: kinematics.
+            traction: traction without T, shape (n, dim).
+            statuses: statuses for the law; None: those determined by the unknowns.
+            e: driven directions.
+            answers: answers of the law to ``traction``.
+        """
+        bound = np.fmax(answers.bound, 0.0)
+        T = -np.sign(np.sum(e * at.jump, axis=1)) * bound
         for _ in range(_STEPS):
             codes, answers = self._law(at, traction + T[:, None] * e, statuses)
             off = T - np.sum(e * answers.traction(codes), axis=1)
             rest = 1.0 - np.sum(e * _friction_slope(answers, codes, e), axis=1)
-            step = np.where(rest > _SINGULAR, off / np.maximum(rest, _SINGULAR), 0.0)
-            T = T - step
-            if not np.any(np.abs(step) > 1e-15 * np.abs(T)):
+            left = (rest > _SINGULAR) & (np.abs(off) > _ACCURACY * np.maximum(np.abs(T), bound))
+            if not left.any():
                 break
+            T = T - np.where(left, off / np.maximum(rest, _SINGULAR), 0.0)
+        else:
+            T = np.where(left, np.nan, T)
         return traction + T[:, None] * e
 
     def kinematics(self, u: Array, q: Array) -> Kinematics:

@@ -220,7 +220,7 @@ class Scaling:
             along = jumps - normal[:, :, None] * n[None]
             grips = closed(codes) if s.law.creeps else senses(codes) == STICK
             if evaluation is not None and s.dim == 3:
-                shear = _direction(evaluation.surfaces[i].traction, n)
+                shear = _direction(evaluation.surfaces[i].law_traction, n)
                 slips = ~grips & closed(codes) & shear.any(axis=1)
                 across = np.where(slips[:, None], shear, 0.0)
                 along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]

@@ -28,7 +28,7 @@ position, gap, normal and jump at contact points.
 | `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | 1e-12 of the body size |
 | `floating` | rigid motions of a moved body that are restrained only by contact without force | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
-| `strain` | linear body: largest principal strain of the cells (modulus, at their midpoints), without the most strained cells that have 5 % of the volume | 0.15 |
+| `strain` | linear body: largest principal strain of the cells (modulus, at their midpoints, without hoop and out-of-plane strains), except in the most strained 5 % of the volume | 0.15 |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
 | `alternation` | history, laws that depend on the time of a step: smallest of the last three changes of shear over pressure (sums over a surface), if they alternate in sign and the shear does not, over the largest of the four values | 0.05 |
@@ -349,7 +349,7 @@ def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
             turn = float(np.degrees(parts.largest_turn(eq.nodes, evaluation.u)))
         moved, extents = parts.differences(eq.nodes, evaluation.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
-        strain = strain_exceeded(eq.V, evaluation.u, _MOST_STRAINED)
+        strain = strain_exceeded(eq.V, evaluation.u, _MOST_STRAINED, axisymmetric=eq.axisymmetric)
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, evaluation) if np.any(moved > extents.min(axis=1)) else None
         return Indicators(surfaces, det, turn, strain, displacement, apart=apart, floating=floating)
