@@ -15,9 +15,6 @@
 # k_t = \frac{\lambda + 3\mu}{2},\quad k = \frac{\lambda + \mu}{2},\qquad
 # p = \frac12 (F_1, F_2).$$
 #
-# Solutions are proportional to the loads, whose size is arbitrary here: the log has the warning
-# `strain`.
-#
 # Below the critical friction coefficient $k_t/k$ the solution is unique. Above it, three solutions
 # exist for some loads: $A$ opens, sticks, or slips to the left.
 

@@ -17,7 +17,7 @@ from dolfinx import fem, geometry, mesh
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._compat import geometry_dofmap
-from dolfinx_contact._mpi import maximum, require, total
+from dolfinx_contact._mpi import require
 
 __all__ = [
     "basis",
@@ -29,14 +29,12 @@ __all__ = [
     "midpoints",
     "reference_points",
     "smallest_jacobian",
-    "strain_exceeded",
     "vertex_moments",
 ]
 
 
 _CHUNK = 8192  # number of cells processed together, chosen so that their data fit into the cache
 _ROUND_OFF = 16 * np.finfo(np.float64).eps
-_BISECTIONS = 30  # of an interval of strains
 _OFF_AXIS = 1e-6  # relative shift of points from the axis towards the midpoint of a cell
 
 
@@ -258,47 +256,6 @@ def smallest_jacobian(
             ratio *= 1 + u_r / r
         values[part] = ratio.min(axis=1)
     return _least(domain, values)
-
-
-def strain_exceeded(
-    V: fem.FunctionSpace, u: Array, share: float, *, axisymmetric: bool = False
-) -> float:
-    """Return the principal strain that is exceeded in a share of the volume. Collective.
-
-    The strain of a cell is the largest modulus of the principal values of sym(grad u) at its
-    midpoint, without out-of-plane and hoop strains. Singularities at single points do not affect
-    the result as long as the cells around them have a smaller share of the volume.
-
-    Args:
-        V: space of the displacement.
-        u: displacement at all local dofs, including ghosts.
-        share: share of the volume, between 0 and 1.
-        axisymmetric: whether the body is a body of revolution. Default: False.
-    """
-    domain = V.mesh
-    dim = domain.geometry.dim
-    point = reference_points(domain.basix_cell(), 0)
-    elements = domain.ufl_domain().ufl_coordinate_element(), V.ufl_element()
-    of_mesh, of_u = (basis(element, point)[1] for element in elements)
-    nodes, x = geometry_dofmap(domain), domain.geometry.x[:, :dim]
-    n = domain.topology.index_map(dim).size_local
-    strains, volumes = np.zeros(n), np.zeros(n)
-    for part in chunks(n):
-        dX = _gradients_of(x[nodes[part]], of_mesh)[:, 0]
-        du = _gradients_of(u.reshape(-1, dim)[V.dofmap.list[part]], of_u)[:, 0]
-        transposed = np.linalg.solve(dX.transpose(0, 2, 1), du.transpose(0, 2, 1))  # of grad u
-        strain = (transposed + transposed.transpose(0, 2, 1)) / 2
-        strains[part] = np.abs(np.linalg.eigvalsh(strain)).max(axis=1)
-        volumes[part] = np.abs(determinants(dX))
-        if axisymmetric:
-            volumes[part] *= x[nodes[part], 0].mean(axis=1)
-    whole = total(domain.comm, volumes.sum())
-    low, high = 0.0, maximum(domain.comm, strains)
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        above = total(domain.comm, volumes[strains > middle].sum())
-        low, high = (middle, high) if above > share * whole else (low, middle)
-    return high
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:

@@ -28,7 +28,6 @@ position, gap, normal and jump at contact points.
 | `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | 1e-12 of the body size |
 | `floating` | rigid motions of a moved body that are restrained only by contact without force | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
-| `strain` | linear body: largest principal strain of the cells (modulus, at their midpoints, without hoop and out-of-plane strains), except in the most strained 5 % of the volume | 0.15 |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
 | `alternation` | history, laws that depend on the time of a step: smallest of the last three changes of shear over pressure (sums over a surface), if they alternate in sign and the shear does not, over the largest of the four values | 0.05 |
@@ -52,7 +51,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact._mpi import any_rank, anywhere, maximum, minimum
-from dolfinx_contact.body.cells import smallest_jacobian, strain_exceeded
+from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
     sums_of_parts,
@@ -101,7 +100,6 @@ LIMITS = {
     "penetration": 0.1,
     "min_det_F": 0.0,
     "rotation": np.degrees(0.2),
-    "strain": 0.15,
     "displacement": 1.0,
     "speed": 1.5,
     "residue": 0.1,
@@ -148,9 +146,6 @@ _MESSAGES = {
     "for mesh, displacements and loads, smaller steps, or an energy without bound at det F = 0",
     "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
-    "strain": "a principal strain of {:.0%} is exceeded in a linear body, and linear strains are "
-    "small; take materials.StVenantKirchhoff or materials.NeoHookean, or check the units of mesh, "
-    "moduli and loads",
     "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
     "displacements and loads in the same units? Linear strains are small",
     "apart": "no contact point touches, the smallest gap is {:.3g}, and the surfaces have no "
@@ -171,7 +166,6 @@ _LONGER = (
 _LENGTHS = ("misfit", "penetration")  # compared with the facet size
 _LEFT = 0.5  # facets beyond the edge of a master, from which a point has left it
 _FACING = 0.5  # smallest cosine between normals of faces that face each other
-_MOST_STRAINED = 0.05  # share of the volume in which strains are not limited
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
@@ -298,7 +292,6 @@ class Indicators:
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
             None for linear bodies whose displacements differ by less than the smallest extent.
         rotation: largest mean rotation of a part of a linear body in degrees; None for others.
-        strain: principal strain that a linear body exceeds in 5 % of its volume; None for others.
         displacement: largest difference of a displacement component in a part of a linear body,
             over the size of the part; None for others.
         step: indicators of a jump within the step of a history; None for other solves, first steps
@@ -312,7 +305,6 @@ class Indicators:
     surfaces: dict[str, SurfaceIndicators]
     min_det_F: float | None = None
     rotation: float | None = None
-    strain: float | None = None
     displacement: float | None = None
     step: StepIndicators | None = None
     apart: float | None = None
@@ -324,9 +316,7 @@ class Indicators:
         found = {}
         if self.min_det_F is not None and not self.min_det_F > LIMITS["min_det_F"]:
             found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
-        found |= _exceeding(
-            {"rotation": self.rotation, "strain": self.strain, "displacement": self.displacement}
-        )
+        found |= _exceeding({"rotation": self.rotation, "displacement": self.displacement})
         if self.apart is not None:
             found["apart"] = _MESSAGES["apart"].format(self.apart)
         if self.floating:
@@ -349,10 +339,9 @@ def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
             turn = float(np.degrees(parts.largest_turn(eq.nodes, evaluation.u)))
         moved, extents = parts.differences(eq.nodes, evaluation.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
-        strain = strain_exceeded(eq.V, evaluation.u, _MOST_STRAINED, axisymmetric=eq.axisymmetric)
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, evaluation) if np.any(moved > extents.min(axis=1)) else None
-        return Indicators(surfaces, det, turn, strain, displacement, apart=apart, floating=floating)
+        return Indicators(surfaces, det, turn, displacement, apart=apart, floating=floating)
     return Indicators(
         surfaces, min_det_F=_min_det_F(eq, evaluation), apart=apart, floating=floating
     )
