@@ -25,8 +25,8 @@ from dolfinx_contact._compat import (
     is_topology_of,
     tags_of_entities,
 )
-from dolfinx_contact._mpi import Arguments, collective, keep, require
-from dolfinx_contact._validate import listed
+from dolfinx_contact._mpi import Arguments, collective, everywhere, keep, require
+from dolfinx_contact._validate import instance, listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
 
 __all__ = ["TaggedMesh", "WholeMesh", "distributed", "gathered", "join", "tagged"]
@@ -207,7 +207,7 @@ def _check(a: Arguments) -> None:
             raise ValueError(f"{len(bodies)} meshes need as many {what}, got {values}")
     tags = zip(bodies, given["cell_tags"], given["facet_tags"], strict=True)
     a.meshes = [tagged(*parts, f"mesh {i}") for i, parts in enumerate(tags, 1)]
-    a.prefixes = given["prefixes"]
+    a.prefixes = [instance(p, "a prefix", str) for p in given["prefixes"]]
     kinds = {(m.mesh.basix_cell(), m.mesh.geometry.dim) for m in a.meshes}
     if len(kinds) > 1:
         raise ValueError(f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}")
@@ -244,10 +244,12 @@ def join(
             tags or prefixes are missing, or tags belong to another mesh or to other entities.
     """
     bodies: Sequence[Any] = meshes
+    comm = bodies[0].mesh.comm
     parts = [gathered(body, tag=i) for i, body in enumerate(bodies, 1)]
-    whole = _joined([p for p in parts if p is not None], prefixes or ())
+    with everywhere(comm, "joining meshes"):
+        whole = _joined([p for p in parts if p is not None], prefixes or ())
     element = bodies[0].mesh.ufl_domain().ufl_coordinate_element()
-    return distributed(bodies[0].mesh.comm, whole, element)
+    return distributed(comm, whole, element)
 
 
 def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | None:

@@ -105,3 +105,9 @@ def test_groups_that_are_empty_or_overlap_are_refused(groups, message):
 def test_prefixes_are_needed_for_every_mesh():
     with pytest.raises(ValueError, match="2 meshes need as many prefixes"):
         join(blocks(), prefixes=("upper_",))
+
+
+@pytest.mark.ranks(2)
+def test_prefixes_are_texts():
+    with pytest.raises(ValueError, match="a prefix must be a str, got int"):
+        join(blocks(), prefixes=(1, 2))
