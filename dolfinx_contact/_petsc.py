@@ -82,7 +82,7 @@ def parse_arguments(
 ) -> argparse.Namespace:
     """Parse a script's command line, leaving PETSc's options to PETSc.
 
-    Arguments that are unknown to the parser and begin with one dash, such as
+    Arguments that are unknown to the parser and begin with one dash and a letter, such as
     ``-contact_snes_monitor``, are added to PETSc's database with their values. Other unknown
     arguments are an error. With ``-log_view``, logging begins at this call, because PETSc was
     initialised without these arguments.
@@ -92,15 +92,20 @@ def parse_arguments(
         argv: arguments; default: arguments of the command line.
     """
     args, rest = parser.parse_known_args(argv)
-    if rest and (rest[0][0] != "-" or any(word.startswith("--") for word in rest)):
+    if rest and (not _is_option(rest[0]) or any(word.startswith("--") for word in rest)):
         parser.error(f"unknown options: {' '.join(rest)}")
     database = PETSc.Options()
-    for word, value in pairwise([*rest, "-"]):
-        if word.startswith("-"):
-            database.setValue(word[1:], "" if value.startswith("-") else value)
+    for word, value in pairwise([*rest, ""]):
+        if _is_option(word):
+            database.setValue(word[1:], "" if _is_option(value) else value)
     if database.hasName("log_view") and not PETSc.Log.isActive():
         PETSc.Log.begin()
     return args
+
+
+def _is_option(word: str) -> bool:
+    """Return whether a word of a command line is the name of an option; ``-1`` is a value."""
+    return bool(re.match(r"-[A-Za-z_]", word))
 
 
 @contextmanager
