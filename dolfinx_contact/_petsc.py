@@ -16,6 +16,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from difflib import get_close_matches
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -134,11 +135,26 @@ def options_in_database(
             database.delValue(key)
 
 
+@cache
+def _library() -> ctypes.CDLL:
+    """Return PETSc's C library, for functions that petsc4py does not have."""
+    return ctypes.CDLL(PETSc.__file__)
+
+
+def _require_success(error: int) -> None:
+    """Raise ``PETSc.Error`` for an error code of PETSc."""
+    if error:
+        raise PETSc.Error(error)
+
+
 def _is_read(key: str) -> bool:
     """Return whether PETSc has read an option of its database."""
-    library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it before 3.23
+    database = PETSc.Options()
+    if hasattr(database, "used"):  # since petsc4py 3.23
+        return bool(database.used(key))
+    # PetscBool is an int, or a bool of one byte: then the other bytes remain zero (little-endian)
     found = ctypes.c_int(0)
-    library.PetscOptionsUsed(None, key.encode(), ctypes.byref(found))
+    _require_success(_library().PetscOptionsUsed(None, key.encode(), ctypes.byref(found)))
     return bool(found.value)
 
 
@@ -307,10 +323,7 @@ def product(A: PETSc.Mat, values: Array) -> Array:
 
 def forget_product(A: PETSc.Mat) -> None:
     """Free the data that a matrix product ``A`` keeps for its recomputation. Collective."""
-    library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it
-    error = library.MatProductClear(ctypes.c_void_p(A.handle))
-    if error:
-        raise PETSc.Error(error)
+    _require_success(_library().MatProductClear(ctypes.c_void_p(A.handle)))
 
 
 def has_package(name: str) -> bool:
