@@ -44,7 +44,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._petsc import staged
+from dolfinx_contact._petsc import destroy, staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import diverged, inverted
@@ -131,48 +131,55 @@ def solve(
     attempts: list[Attempt] = []
     x = x0.duplicate()
     # the last solution in which the body is turned inside out, and its attempt
-    turned = x0.duplicate()
+    turned: PETSc.Vec | None = None
     inverting: Attempt | None = None
+    solution: PETSc.Vec | None = None
     failed = False  # whether an iterative solver chosen by options failed
-    for strategy in strategies(equations, trial, increments, start):
-        name = strategy.name
-        if _would_fail(name, attempts, inverting):
-            continue
-        # run the strategy from the start
-        attempt = Attempt(name, limit=strategy.limit)
-        attempts.append(attempt)
-        progress.strategy = name
-        x0.copy(x)
-        try:
-            attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
-        except FloatingBodyError as error:
-            attempt.reason = str(error)
-            attempt.floats = True
-        # refuse a body that has drifted away, and inverted cells
-        if attempt.converged:
-            drift = diverged(equations, x)
-            objection = drift or inverted(equations, x)
-            if not objection:
-                return x, attempts
-            attempt.converged = False
-            attempt.reason = objection
-            if not drift:
-                inverting = attempt
-                x.copy(turned)
-        progress.clear()
-        failed = attempt.linear_solver_failed and linear().iterates_on_request
-        if failed:
-            break  # systems of other strategies are like these
-        if equations.comm.rank == 0:
-            # The error of a failed solve lists all attempts; a later success is not doubtful.
-            logger.info("%s failed: %s", name, attempt.reason)
-    if inverting and not trial.brief:
-        # No other solution was found; the result contains a warning.
-        attempts.append(Attempt(inverting.strategy, inverting.reason, converged=True))
-        return turned, attempts
-    if attempts[0].floats:
-        raise FloatingBodyError(attempts[0].reason, attempts)
-    raise ConvergenceError(_diagnosis(equations, attempts, failed=failed), attempts)
+    try:
+        for strategy in strategies(equations, trial, increments, start):
+            name = strategy.name
+            if _would_fail(name, attempts, inverting):
+                continue
+            # run the strategy from the start
+            attempt = Attempt(name, limit=strategy.limit)
+            attempts.append(attempt)
+            progress.strategy = name
+            x0.copy(x)
+            try:
+                attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
+            except FloatingBodyError as error:
+                attempt.reason = str(error)
+                attempt.floats = True
+            # refuse a body that has drifted away, and inverted cells
+            if attempt.converged:
+                drift = diverged(equations, x)
+                objection = drift or inverted(equations, x)
+                if not objection:
+                    solution = x
+                    return solution, attempts
+                attempt.converged = False
+                attempt.reason = objection
+                if not drift:
+                    inverting = attempt
+                    destroy(turned)
+                    turned = x.copy()
+            progress.clear()
+            failed = attempt.linear_solver_failed and linear().iterates_on_request
+            if failed:
+                break  # systems of other strategies are like these
+            if equations.comm.rank == 0:
+                # The error of a failed solve lists all attempts; a later success is not doubtful.
+                logger.info("%s failed: %s", name, attempt.reason)
+        if inverting and not trial.brief:
+            # No other solution was found; the result contains a warning.
+            attempts.append(Attempt(inverting.strategy, inverting.reason, converged=True))
+            solution = turned
+            return solution, attempts
+        if attempts[0].floats:
+            raise FloatingBodyError(attempts[0].reason, attempts)
+        raise ConvergenceError(_diagnosis(equations, attempts, failed=failed), attempts)
+    finally:
+        destroy(*(v for v in (x, turned) if v is not solution))
 
 
 def _would_fail(name: str, attempts: Sequence[Attempt], inverting: Attempt | None) -> bool:
