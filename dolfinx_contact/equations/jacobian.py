@@ -258,6 +258,10 @@ class _SpreadTerms:
         self._first.matMult(self._right, self._product)
         return -np.asarray(self._product.getValuesCSR()[2])
 
+    def destroy(self) -> None:
+        """Free the matrices."""
+        destroy(self._left, self._right, self._first, self._product)
+
 
 class ContactTerms:
     """Entries of S on this rank.
@@ -327,7 +331,8 @@ class ContactTerms:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        destroy(*(terms for _, terms in self._sliding))
+        spread = [block for _, block in self._blocks if isinstance(block, _SpreadTerms)]
+        destroy(*(terms for _, terms in self._sliding), *spread)
 
 
 class _Numbering:
@@ -402,24 +407,26 @@ class Jacobian:
         fixed = mine[eq.fixed[:n]]
         self._fixed = Entries(fixed, fixed)
         self._body = Entries(rows, places)
-        self._create()
+        self.matrix = self._created()
+        #: Previous matrix, which SNES may use until it has received the new one.
+        self._replaced: PETSc.Mat | None = None
 
-    def _create(self) -> None:
-        """Create the matrix with the present pattern."""
+    def _created(self) -> PETSc.Mat:
+        """Return a matrix with the present pattern, to be assembled. Collective."""
         size = sum(self._equations.owned_sizes)
         parts = self._fixed, self._body, *self._terms.set_up()
-        #: SNES may use the previous matrix until it has received the new one.
-        self._replaced = getattr(self, "matrix", None)
-        self.matrix = matrix_of(self._equations.comm, (size, size), *parts)
-        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
+        matrix = matrix_of(self._equations.comm, (size, size), *parts)
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
         self._assemblies = -1
+        return matrix
 
     def update(self, evaluation: Evaluation) -> None:
         """Assemble at an evaluation; for sliding faces `matrix` may be replaced. Collective."""
         bulk = self._equations.bulk
         K = bulk.stiffness(evaluation.u)
         if self._terms.changed:
-            self._create()
+            destroy(self._replaced)
+            self._replaced, self.matrix = self.matrix, self._created()
         if self._assemblies == bulk.assemblies:
             self.matrix.retrieveValues()
         else:
@@ -434,4 +441,4 @@ class Jacobian:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        destroy(self.matrix, self._terms)
+        destroy(self.matrix, self._replaced, self._terms)
