@@ -313,9 +313,12 @@ class ParametricContact(ReadOnly, ParametricEquations):
         mark = self._data_mark()
         if self._condensed is None or any_rank(self.comm, mark != self._condensed_from):
             # at x = 0, so that round-off of a state does not perturb a degenerate problem
+            destroy(self._condensed)
+            self._condensed = None
             zero = self.create_vector()
             with super().restored(always=True):
                 self._condensed = Reduction(self, zero, 0.0, exact=True, conic=cones)
+            zero.destroy()
             self._condensed_from = mark
         return self._condensed
 
@@ -338,6 +341,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             if not self._reason_at_gamma:
                 x = fixed.create_vector()
                 self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
+                x.destroy()
         return self._condensed_at_gamma
 
     @property
