@@ -360,6 +360,7 @@ class ParametricEquations(System):
         ones.set(1.0)
         mass.mult(ones, volume)
         mass.scale(1.0 / (volume.sum() * self.equations.body_size**2))
+        destroy(whole, first, ones, volume)
         return mass
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
