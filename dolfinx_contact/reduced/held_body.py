@@ -161,7 +161,9 @@ class HeldBody:
         kind: dict[str, bool] = dict(symmetric=marked_symmetric(self.matrix), counted=counted)
         self._factor = Factor(self.comm, prefix, columns=True, **kind)
         if not self._factor.factorise(self.matrix):
-            if not np.isfinite(self.matrix.norm(PETSc.NormType.FROBENIUS)):
+            finite = np.isfinite(self.matrix.norm(PETSc.NormType.FROBENIUS))
+            destroy(self._factor, self.matrix)
+            if not finite:
                 raise ValueError("the stiffness is not finite: look at the material data")
             raise RuntimeError("the body is not held: Dirichlet data and contact leave it to move")
         self._b, self._x = self.matrix.createVecs()

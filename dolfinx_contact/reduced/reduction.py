@@ -104,7 +104,6 @@ class Reduction:
         self._equations = eq
         self._dim = eq.dim
         self._gamma = gamma
-        self._x = x.copy()
         self._scale = eq.scaling.stiffness
         self._nodal = eq.owned_sizes[0]
         self._n = eq.owned_sizes[0] + eq.rigid.owned
@@ -120,6 +119,7 @@ class Reduction:
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
         self._body = self._held_at_points(parametric.evaluate_contact(x, gamma, piece).u)
+        self._x = x.copy()
         T = self.points.frames
         m = self._m
         d = self._dim
@@ -321,10 +321,11 @@ class Reduction:
             prescribed = np.where(eq.rigid.here(eq.rigid.fixed), self._scale, 0.0)
             diagonal = self._matrix(len(here), here, here, prescribed)
             fields.append(HeldField(diagonal, motions, without_forces=None if whole else still))
-        body = HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
-        for field in fields:
-            destroy(field.stiffness, *field.rows)
-        return body
+        try:
+            return HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
+        finally:
+            for field in fields:
+                destroy(field.stiffness, *field.rows)
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
         """Return -Phi, the map from motions of rigid bodies to jumps at points of a surface."""
