@@ -109,9 +109,8 @@ def _at_state(
         for name, t in tables.items()
         for axis, v in zip("xyz", t.resultant(t.force), strict=False)
     }
-    # means over the areas of the variables of laws, such as the intensity of adhesion
     variables = {
-        f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
+        f"{variable}_{name}": _mean(t, values)
         for name, t in tables.items()
         for variable, values in t.internal.items()
     }
@@ -126,6 +125,16 @@ def _at_state(
         **energies.row(),
         **variables,
     }
+
+
+def _mean(table: ContactTable, values: Array) -> float:
+    """Return the mean of a variable of a law over the areas of the points; NaN without points.
+
+    Points with the letter "d" do not count: no law applies to them.
+    """
+    counts = table.letters != "d"
+    area = table.area[counts]
+    return float(np.dot(values[counts], area) / area.sum()) if len(area) else np.nan
 
 
 def _of_supports(

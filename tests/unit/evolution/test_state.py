@@ -17,6 +17,7 @@ from dolfinx_contact import (
     RCCM,
     ContactProblem,
     Coulomb,
+    HalfSpace,
     ParametricContact,
 )
 from dolfinx_contact.continuation import find_solutions, follow
@@ -129,6 +130,24 @@ def test_a_table_in_an_observer_has_the_law_of_the_step():
     after = problem.table(problem.surfaces[0]).internal["beta"]
     np.testing.assert_array_equal(after, found[-1])
     assert COMM.allreduce(after.min(initial=1.0), op=MPI.MIN) < 1.0
+
+
+def test_the_mean_of_a_variable_of_a_law_leaves_out_clamped_points():
+    law = RCCM(normal=1e3, tangential=1e3, work=0.005, viscosity=1e-2)
+    wall = HalfSpace((0.0, 0.0), (1.0, 0.0))
+    problem = block(law=law, obstacle=wall, where=lambda d: facets(d, 0, 0.0), top=(0.0, 0.0))
+    top = problem.bcs[0].g.value
+
+    def load(t):
+        top[0] = 0.02 * t
+
+    history = QuasiStatic(problem, load).run([0.0, 1.0])
+    table = history.steps[-1].result.tables["contact"]
+    free = table.letters != "d"
+    assert np.count_nonzero(~free) == 1
+    mean = np.average(table.internal["beta"][free], weights=table.area[free])
+    assert mean < 1.0
+    assert history.rows()[-1]["beta_contact"] == pytest.approx(mean, rel=1e-12)
 
 
 def test_a_state_of_another_mesh_is_refused():
