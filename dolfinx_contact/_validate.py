@@ -7,6 +7,7 @@ collective; `_mpi.collective` raises the error of one rank on every rank.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from copy import copy
@@ -35,6 +36,7 @@ __all__ = [
     "scalar",
     "vector",
     "word",
+    "word_in_history",
 ]
 
 _T = TypeVar("_T")
@@ -175,6 +177,13 @@ def word(value: Any, name: str) -> str:
     if not isinstance(value, str) or not value:
         raise ValueError(f"{name} must be a word, got {value!r}")
     return value
+
+
+def word_in_history(value: Any, name: str) -> str:
+    """Validate the name of a surface or body, which begins the names of columns of histories."""
+    if re.fullmatch(r"support_\d+", word(value, name)):
+        raise ValueError(f"{name} must not be {value!r}, the name of a support in tables of steps")
+    return str(value)
 
 
 @contextmanager

@@ -33,7 +33,7 @@ from dolfinx_contact._validate import (
     read_only,
     scalar,
     vector,
-    word,
+    word_in_history,
 )
 from dolfinx_contact.laws import Frictionless, Law
 from dolfinx_contact.meshing import GmshMesh
@@ -114,7 +114,7 @@ def _check_common(a: Arguments) -> int:
     Numbers in the law become Constants of the mesh.
     """
     degree = displacement_degree(a.u)
-    word(a.name, "the name of a contact surface")
+    word_in_history(a.name, "the name of a contact surface")
     hint = "such as Frictionless(), Coulomb(F) or Tresca(g)"
     a.law = instance(a.law, f"{a.name}: the law", Law, hint).bind(a.u.function_space.mesh)
     return degree

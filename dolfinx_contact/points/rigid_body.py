@@ -37,7 +37,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
+from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word_in_history
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
 
 __all__ = ["COMPONENTS", "Partner", "RigidBody", "RigidKinematics", "number", "shape_of"]
@@ -198,7 +198,7 @@ class RigidBody(ReadOnly, Obstacle):
         held: Sequence[str] = (),
         name: str = "rigid body",
     ):
-        word(name, "the name of a rigid body")
+        word_in_history(name, "the name of a rigid body")
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
             raise ValueError(
                 f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet or RigidSurface"

@@ -298,6 +298,7 @@ PLANE = HalfSpace((0, 1), (0, -1))
         ({"about": (0.0, np.inf), "held": ["x", "y", "rz"]}, "must be 2 or 3 finite numbers"),
         ({"shape": None, "held": ["x", "y", "rz"]}, "its shape must be"),
         ({"name": "", "held": ["x", "y", "rz"]}, "must be a word"),
+        ({"name": "support_1", "held": ["x", "y", "rz"]}, "must not be 'support_1'"),
     ],
 )
 def test_rigid_body_refuses_arguments(arguments, message):

@@ -107,6 +107,7 @@ BODY = RigidBody(Sphere((0.0, 0.0), 1.0), about=(0.0, 0.0), held=["x", "y", "rz"
         ({"axisymmetric": 1}, "axisymmetric must be True or False"),
         ({"law": 0.3}, "the law must be a Law, such as Frictionless"),
         ({"name": ""}, "the name of a contact surface must be a word"),
+        ({"name": "support_0"}, "the name of a contact surface must not be 'support_0'"),
     ],
 )
 def test_pair_refuses_arguments_out_of_range(arguments, message):
