@@ -37,7 +37,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word_in_history
+from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word, word_in_history
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
 
 __all__ = ["COMPONENTS", "Partner", "RigidBody", "RigidKinematics", "number", "shape_of"]
