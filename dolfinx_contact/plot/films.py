@@ -53,7 +53,7 @@ _RATES = (0.01, 1000.0)  # frames a second that GIF can store
 def _check_film(a: Arguments) -> None:
     a.file = Path(a.file)
     if a.file.suffix not in _SUFFIXES:
-        raise ValueError(f"animations are .gif or .mp4, not {a.file.name}")
+        raise ValueError(f"a film must be a .gif or .mp4 file, got {a.file.name}")
     low, high = _RATES
     if not (is_number(a.rate) and low <= a.rate <= high):
         raise ValueError(f"the rate must be a number from {low} to {high} a second, got {a.rate!r}")
@@ -221,14 +221,16 @@ def _shots(
 def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
     """Iterate over states, or the states of steps; raise errors on every rank. Collective."""
     iterator = iter(states.steps if isinstance(states, History) else states)
+    end = object()
     while True:
         with everywhere(comm, "the states of a film"):
-            item = next(iterator, None)
+            item = next(iterator, end)
+        same_everywhere(comm, end_of_the_states=item is end)
+        if item is end:
+            return
         state = item.state if isinstance(item, EvolutionStep) else item
         text = words_of(state) if isinstance(state, State) else state
         same_everywhere(comm, what_is_written=text)
-        if state is None:
-            return
         if not isinstance(state, State | str):
             raise ValueError(f"a film has states, steps or texts, got {state!r}")
         yield state

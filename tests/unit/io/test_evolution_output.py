@@ -187,6 +187,8 @@ def test_films_and_pictures_refuse_other_items_than_states(folder):
     problem = pair(COMM, n=2).problem
     with pytest.raises(ValueError, match="a film has states, steps or texts, got 1"):
         plot.film(folder / "steps.gif", problem, [1, 2])
+    with pytest.raises(ValueError, match="a film has states, steps or texts, got None"):
+        plot.film(folder / "steps.gif", problem, [None])
     with pytest.raises(ValueError, match="takes States of a ContactProblem"):
         plot.picture_of_states(None, problem, [1])
     with pytest.raises(
