@@ -156,7 +156,7 @@ class Reduction:
 
         Raises:
             ValueError: on every rank, if the problem cannot be reduced (`scope.check_reducible`) or
-                its stiffness is not symmetric.
+                its stiffness or loads are not finite or its stiffness is not symmetric.
         """
         check_reducible(equations)
         system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), _no_solver)
@@ -165,15 +165,17 @@ class Reduction:
             reduction = cls(system, nothing, 0.0, exact=True, conic=False)
         finally:
             nothing.destroy()
-        S = reduction.S
-        symmetric = bool(np.abs(S - S.T).max() <= _SYMMETRIC * np.abs(S).max())
-        if not symmetric:
+        try:
+            reduction.require_finite()
+            S = reduction.S
+            require(
+                equations.comm,
+                bool(np.abs(S - S.T).max() <= _SYMMETRIC * np.abs(S).max()),
+                'the reduced problem needs a symmetric stiffness; use algorithm="newton"',
+            )
+        except ValueError:
             reduction.destroy()
-        require(
-            equations.comm,
-            symmetric,
-            'the reduced problem needs a symmetric stiffness; use algorithm="newton"',
-        )
+            raise
         return reduction
 
     def __enter__(self) -> Self:
