@@ -7,7 +7,7 @@ computed, and the multipliers l. With D = dm/du the terms of the Jacobian are
     S = S_u + S_m D,
 
 where S_u is the derivative with respect to u and l, and S_m that with respect to m. The pattern
-contains all candidates and changes only with a search (`points.sliding`).
+contains all candidates and changes only with a search (`points.sliding_faces`).
 """
 
 from __future__ import annotations

@@ -83,9 +83,9 @@ class DrawnObstacle:
 
 
 def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
-    """Return the obstacle of a contact surface at the present data, empty except on rank 0.
+    """Return the obstacle of a contact surface at the present data. Collective.
 
-    Collective.
+    Facets of the obstacle itself are returned on every rank, any others on rank 0 only.
 
     Args:
         s: contact surface.
@@ -100,7 +100,9 @@ def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
 
 
 class _Formula:
-    """Gap and normal of an obstacle at any point, at the present data. Collective.
+    """Gap and normal of an obstacle at any point, at the present data.
+
+    Only construction is collective.
 
     Args:
         domain: mesh of the bodies.
