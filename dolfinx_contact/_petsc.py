@@ -72,8 +72,8 @@ _SNES_TYPES = ("newtonls", "newtontr", "newtontrdc", "vinewtonssls")
 #: Options that cannot be used here, by name, with the reason.
 _NOT_HERE = {
     "snes_(mf|mf_operator|fd|fd_color)": "the linear solvers need the assembled Jacobian",
-    "snes_convergence_test": "no other test of PETSc's can take its place; snes_rtol is the "
-    "tolerance",
+    "snes_convergence_test": "the convergence test of this package cannot be replaced; "
+    "set snes_rtol",
     "snes_(atol|stol)": "only snes_rtol decides on convergence",
 }
 

@@ -290,12 +290,13 @@ def _objection_to_values(
     if s.displaced is None and (fixed.any(axis=1) & (change > _TOLERANCE)).any():
         return (
             "the obstacle has turned at a contact node with Dirichlet data since the problem "
-            "was made; make a new problem"
+            "was made; create a new problem"
         )
     if not at_front > -_SAME * size:
         return (
             f"the gap is {at_front:.3g} at the front of the crack, where both sides have a "
-            "node in common and no gap; let the interference fade there, as UFL of the position"
+            "node in common and no gap; make the interference vanish there, for example as a UFL "
+            "expression of the position"
         )
     if not at_held > -_SAME * size:
         return f"Dirichlet data push a contact node {-at_held:.3g} into the obstacle"

@@ -319,8 +319,8 @@ class ContactEquations:
     def require_same_mesh(self) -> None:
         """Raise ``ValueError`` if the mesh has moved since the problem was made."""
         same = mesh_mark(self.V.mesh) == self._mesh_mark
-        words = "the mesh has moved since the problem was made; make surfaces and problem anew"
-        require(self.comm, same, words)
+        words = "the mesh has moved since the problem was made"
+        require(self.comm, same, f"{words}; create the surfaces and the problem again")
 
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[Ramp]:

@@ -228,7 +228,7 @@ def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
     at_rest = np.zeros_like(s.points.data.n)
     radius = s.law_at_points(at_rest, at_rest, s.point_data(memory)).unit_bound
     good = not (radius < -_ROUND_OFF).any()
-    require(s.comm, good, f"{s.name}: the law {s.law.name} has a negative radius")
+    require(s.comm, good, f"{s.name}: the friction bound of the law {s.law.name} is negative")
 
 
 def _objection_to_fields(s: DiscreteSurface) -> str:

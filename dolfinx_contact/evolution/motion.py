@@ -529,7 +529,7 @@ class HeldNodes:
         x, component, value, wanted = min(p for part in self._comm.allgather(local) for p in part)
         return (
             f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
-            f"{value:.6g}, prescribed is {wanted:.6g}"
+            f"{value:.6g} instead of the prescribed value {wanted:.6g}"
         )
 
 

@@ -410,7 +410,7 @@ def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]
             "volume needs a physical group (gmsh saves only what is in one)"
         )
     if dim not in (None, body):
-        yield f"the mesh is of dimension {body}, wanted is {dim}"
+        yield f"the mesh has dimension {body}, but {dim} is required"
     for d in (body, body - 1):
         named = [e for k, g in groups if k == d for e in model.getEntitiesForPhysicalGroup(d, g)]
         meshed = {e for _, e in model.getEntities(d) if len(model.mesh.getElements(d, e)[0])}

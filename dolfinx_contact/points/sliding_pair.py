@@ -156,7 +156,7 @@ class SlidingPair(DiscreteSurface):
             behind <= depth,
             f"{self.name}: the master lies {behind:.3g} behind the slave, farther than the search "
             f"distance {depth:.3g}: the bodies overlap, or slave and master do not face each "
-            f"other; {'take a larger search_distance' if overlap.most else words}",
+            f"other; {'use a larger search_distance' if overlap.most else words}",
         )
 
 

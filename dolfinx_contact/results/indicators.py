@@ -136,7 +136,7 @@ _MESSAGES = {
     "facets": "the distance of the facets of the rigid surface from the smooth surface is {:.2g} "
     "of the compression, so that their edges affect the forces; use a finer triangulation, or a "
     "Sphere, Cylinder or LevelSet",
-    "growth": "points that came into contact under the load have a fraction of {:.2g} of the "
+    "growth": "points that came into contact under the load account for {:.0%} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
@@ -145,9 +145,9 @@ _MESSAGES = {
     "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; use the same units "
     "for mesh, displacements and loads, smaller steps, or an energy without bound at det F = 0",
     "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
-    "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
+    "under rotations; use materials.StVenantKirchhoff or materials.NeoHookean",
     "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
-    "displacements and loads in the same units? Linear strains are small",
+    "displacements and loads in the same units? Linear elasticity assumes small strains",
     "apart": "no contact point touches, the smallest gap is {:.3g}, and the surfaces have no "
     "effect; check the signs and units of loads and displacements, and the side of the obstacle",
     "floating": "a body has a free rigid motion ({}), restrained only by contact without force, "
@@ -657,7 +657,7 @@ def _of_pair(
 
 
 def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the slip in a step over the larger facet size of body and obstacle."""
+    """Return the slip in a step over the larger facet size of body and obstacle. Collective."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return 0.0

@@ -265,13 +265,13 @@ def collect(
     warnings = dict(eq.warnings)
     if not weak and not violated <= _LARGEST_VIOLATION:
         warnings["law"] = (
-            f"the law of contact is violated by {violated:.1e} of the forces: a law that leaves "
-            "states without a status, or a tolerance snes_rtol that is too large"
+            f"the law of contact is violated by {violated:.1e} of the forces: "
+            "either the law has no status for some states, or snes_rtol is too large"
         )
     if not forces.imbalance <= _LARGEST_IMBALANCE:
         warnings["imbalance"] = (
             f"the forces on the body are out of balance by {forces.imbalance:.1e} of their size; "
-            "a smaller snes_rtol may be wanted"
+            "a smaller snes_rtol may help"
         )
     return Result(
         Named(tables),

@@ -96,7 +96,7 @@ class AssembledSolver(LinearSolver):
         if self._residual <= _INACCURATE:
             return ""
         return (
-            f"the linear solver did not solve: its relative residual is {self._residual:.1e} "
+            f"the linear solve is inaccurate: its relative residual is {self._residual:.1e} "
             f"({reasons_of(ksp)})"
         )
 

@@ -213,7 +213,7 @@ class Newton:
         if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
             raise ValueError(
                 f"-{prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
-                f"with the linear solver {self.linear.name} only newtonls goes"
+                f"with the linear solver {self.linear.name} only newtonls can be used"
             )
 
     def __enter__(self) -> Newton:
@@ -271,7 +271,7 @@ class Newton:
         if not attempt.steps and reason == _NOT_A_NUMBER:
             raise ValueError(
                 "the residual overflows at the start: its square is beyond 1e308. Look at the "
-                "starting displacement, loads, Dirichlet and material data, or take other units"
+                "starting displacement, loads, Dirichlet and material data, or use other units"
             )
         if run.floating is not None:
             raise run.floating
@@ -386,7 +386,7 @@ class Newton:
         if cycles and not self.linear.tighten():
             inaccurate = self.linear.inaccuracy(self.snes.getKSP())
             floor = self._at_round_off(statuses, measures.worst)
-            run.attempt.reason = floor or inaccurate or "the status repeats in a cycle"
+            run.attempt.reason = floor or inaccurate or "statuses recur in a cycle"
             run.attempt.restless = _restless(self.equations, run.history[-1][0], statuses)
             return _STOPPED
         run.history.append((statuses, measures.worst))

@@ -230,7 +230,7 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -
     if failed:
         lines.append(
             "the iterative solver chosen by the options failed, and no further strategy was tried: "
-            "the Jacobian is indefinite and not symmetric; leave out ksp_type and pc_type, or take "
+            "the Jacobian is indefinite and not symmetric; leave out ksp_type and pc_type, or use "
             "linear_solver='amg'"
         )
     for a in attempts:

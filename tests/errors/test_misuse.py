@@ -216,14 +216,18 @@ MISUSE = {
             words,
         )
         for name, value, words in (
-            ("snes_convergence_test", "skip", "no other test of PETSc's can take its place"),
+            (
+                "snes_convergence_test",
+                "skip",
+                "the convergence test of this package cannot be replaced",
+            ),
             ("snes_divergence_tolerance", 0.5, "PETSc: Divergence tolerance 0.5"),
             ("snes_lag_preconditioner", -1, "PETSc: Cannot set the lag to -1"),
         )
     },
     "multigrid without Newton": (
         lambda w: solved(options={"linear_solver": "amg", "snes_type": "newtontr"}),
-        "with the linear solver amg only newtonls goes",
+        "with the linear solver amg only newtonls can be used",
     ),
     "unknown KSP": (
         lambda w: solved(options={"ksp_type": "magic"}),

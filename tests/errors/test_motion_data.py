@@ -55,7 +55,7 @@ def test_motion_refuses_an_initial_velocity_of_clamped_nodes(scheme):
     problem, _, _ = body()
     v = at_speed(problem, 0.3, 0.0)
     motion = NSCD(problem, 1.0, dt=0.05, velocity=v, scheme=scheme)
-    said = r"component x at the node \(0, 1\) is 0.3, prescribed is 0; it would change"
+    said = r"x at the node \(0, 1\) is 0.3 instead of the prescribed value 0; it would change"
     with pytest.raises(ValueError, match=said) as info:
         motion.run([0.0, 0.2], progress=False)
     assert len(set(COMM.allgather(str(info.value)))) == 1
@@ -71,10 +71,14 @@ def test_motion_refuses_an_initial_velocity_of_clamped_nodes(scheme):
 def test_motion_refuses_a_start_that_violates_dirichlet_data():
     problem, top, _ = body()
     top.x.array[1::2] = -0.01
-    with pytest.raises(ValueError, match=r"y at the node \(0, 1\) is 0, prescribed is -0.01"):
+    with pytest.raises(
+        ValueError, match=r"y at the node \(0, 1\) is 0 instead of the prescribed value -0.01"
+    ):
         NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2])
     top.interpolate(lambda x: np.vstack([0.0 * x[0], -0.01 - 0.01 * x[0]]))
-    with pytest.raises(ValueError, match=r"y at the node \(1, 1\) is 0, prescribed is -0.02"):
+    with pytest.raises(
+        ValueError, match=r"y at the node \(1, 1\) is 0 instead of the prescribed value -0.02"
+    ):
         NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2])
     problem.solve()
     assert NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2], progress=False).complete

@@ -417,7 +417,7 @@ def test_overlap_is_refused(slave, distance, by):
     with pytest.raises(ValueError, match=r"overlap by|behind the slave"):
         discretise(ContactPair(u, both, **given))
     if by > (0.25 if distance is None else distance):
-        with pytest.raises(ValueError, match="take a larger search_distance"):
+        with pytest.raises(ValueError, match="use a larger search_distance"):
             discretise(ContactPair(u, both, interference=True, **given))
         given["search_distance"] = 1.1 * by
     discretise(ContactPair(u, both, interference=True, **given))

@@ -259,7 +259,7 @@ def test_a_step_in_a_cycle_is_halved(caplog):
     last = history.steps[-1]
     assert last.rejected == 1
     assert last.time - last.start == pytest.approx(times[1] / 2)
-    assert COMM.rank > 0 or "the status repeats in a cycle" in caplog.text
+    assert COMM.rank > 0 or "statuses recur in a cycle" in caplog.text
     assert all("failed" not in r.message for r in caplog.records if r.levelno > logging.INFO)
     again = pressed([0.0, *(s.time for s in history.steps)])
     assert not any(s.rejected for s in again.steps)

@@ -368,7 +368,7 @@ def test_missing_group_is_named(folder):
         file,
         groups=("contact",),
     )
-    fails(ValueError, "dimension 3, wanted is 2", file, dim=2)
+    fails(ValueError, "dimension 3, but 2 is required", file, dim=2)
 
 
 @pytest.mark.ranks(2)
