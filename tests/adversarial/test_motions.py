@@ -18,7 +18,7 @@ from support.checks import assert_close, assert_warned
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import Coulomb, Frictionless, HalfSpace, materials
+from dolfinx_contact import Coulomb, HalfSpace
 from dolfinx_contact.evolution import NSCD
 
 COMM = MPI.COMM_WORLD
@@ -75,16 +75,6 @@ def test_a_density_changed_by_the_load_is_refused(later):
     else:
         with pytest.raises(ValueError, match=REFUSED):
             run()
-
-
-def test_a_density_changed_before_the_run_counts():
-    body = flying((0.0, 2.0))
-    parts = body.constant((1.0, 0.0))
-    options = dict(dt=0.25, velocity=body.velocity, mass="consistent")
-    motion = NSCD(body.problem, parts[0] + parts[1], **options)
-    parts.value[1] = 3.0
-    motion.run([0.0, 1.0])
-    assert_close(body.mean(), [0.0, 0.5])
 
 
 def test_a_field_of_density_changed_between_runs_counts():
@@ -227,23 +217,6 @@ def test_masses_of_quadratic_triangles_fall_as_points(mass):
     history = body.run((0.0, 0.5), dt=0.1, mass=mass)
     assert_close(body.mean(body.u)[1], -0.25, 0.01)
     assert_close(history.energies.kinetic, 0.5, 0.02)
-
-
-def test_a_ring_in_free_flight_has_the_mass_of_its_circumference():
-    body = block((3, 2))
-    body.domain.geometry.x[:, 0] += 1.0
-    steel = materials.Axisymmetric(materials.LinearElastic.from_young(1e4, 0.2))
-    force = fem.Constant(body.domain, (0.0, 2.0))
-    energy = (steel.energy(body.u) - ufl.dot(force, body.u)) * ufl.dx
-    problem = body.problem(
-        Frictionless(), energy, obstacle=floor(-100.0), bcs=[], axisymmetric=True
-    )
-    velocity = fem.Function(body.V)
-    motion = NSCD(problem, 3.0, dt=0.1, velocity=velocity, mass="consistent")
-    kinetic = motion.run([0.0, 1.0]).energies.kinetic
-    axial = velocity.x.array[1::2]
-    assert_close(axial, np.full(len(axial), 2.0 / 3.0))
-    assert_close(kinetic, 0.5 * 9.0 * np.pi * (2.0 / 3.0) ** 2)
 
 
 # --- Dirichlet data and obstacles ---

@@ -89,11 +89,3 @@ def test_mass_and_damping_of_revolution_are_weighted():
     )
     kinetic = motion.run([0.0, 0.2]).energies.kinetic
     np.testing.assert_allclose(kinetic, VOLUME * (1 - 0.3 / (2 + 0.15)) ** 4, rtol=1e-9)
-
-
-def test_axisymmetry_refuses_surfaces_and_materials_that_disagree():
-    b = Ring()
-    with pytest.raises(ValueError, match=r"surfaces are plane, .* that of a body of revolution"):
-        b.problem(b.energy(), axisymmetric=False)
-    with pytest.raises(ValueError, match=r"surfaces are axisymmetric, .* that of a plane body"):
-        b.problem(STEEL.energy(b.u) * ufl.dx)
