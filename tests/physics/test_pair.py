@@ -40,7 +40,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import explore
 from dolfinx_contact.meshing import crack, join
-from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 
@@ -198,36 +197,6 @@ def test_a_given_gap_is_that_of_the_geometry():
         tables.append(result.tables["contact"])
     assert tables[0].rn.sum() > 0
     np.testing.assert_allclose(tables[0].force, tables[1].force, rtol=1e-8, atol=1e-8)
-
-
-@pytest.mark.verifies(
-    "press fits",
-    reference="closed form: uniaxial strain by half the overlap",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_a_given_overlap_is_the_displacement_of_a_press_fit():
-    """An overlap is an error; an intended overlap acts as the pressing displacement."""
-    both = stacked(2, "quad", 2, gap=-0.02)
-    u = displacement(both.mesh)
-    with pytest.raises(ValueError, match=r"the bodies overlap by 0\.02; interference=True"):
-        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless()))
-    pair = ContactPair(u, both, slave=3, master=2, law=Frictionless(), interference=True)
-    ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
-    sides = [
-        fem.dirichletbc(
-            0.0,
-            fem.locate_dofs_topological(u.function_space.sub(0), 1, facets(both.mesh, 0, x)),
-            u.function_space.sub(0),
-        )
-        for x in (0.0, 1.0)
-    ]
-    result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=[*ends, *sides]).solve()
-    # Both are shortened by half of it, in uniaxial strain.
-    modulus = 1000.0 * 0.7 / (1.3 * 0.4)
-    np.testing.assert_allclose(result.tables["contact"].pressure, 0.01 * modulus, rtol=1e-10)
 
 
 # -- branches --------------------------------------------------------------------------------------
