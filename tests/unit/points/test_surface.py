@@ -13,9 +13,8 @@ from support.pairs import branched
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
+from dolfinx_contact import ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
@@ -102,32 +101,6 @@ def test_facets_may_be_named_on_one_rank_only():
 
 
 @pytest.mark.ranks(2)
-def test_clamped_contact_node_belongs_to_the_support():
-    """The clamped corner belongs to the support: status d, and its reaction balances the rest."""
-    domain = box(COMM, 4, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    load = fem.Constant(domain, (0.05, -1.0))
-    corner = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 1) & np.isclose(x[1], 0))
-    bcs = [fem.dirichletbc(np.zeros(2), corner, V)]
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
-    s = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.1)
-    )
-    result = ContactProblem(energy, u, [s], bcs=bcs).solve()
-    table = result.tables["contact"]
-    assert table.letters[-1] == "d"
-    assert result.counts["clamped"] == 1
-    contact = result.resultants["contact"]
-    np.testing.assert_allclose(contact + result.support, (-0.05, 1.0), atol=1e-9)
-    # The multiplier of the clamped node is zero; what holds it is its support, all there is.
-    assert not table.force[-1].any()
-    np.testing.assert_allclose(table.support[-1], result.support, rtol=1e-12)
-    assert not table.support[:-1].any()
-    assert abs(table.support[-1, 0]) > 0.1 * table.support[-1, 1]
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "options", reference="itself: the tolerance that was asked for", aspects=("3D",)
 )
@@ -140,15 +113,6 @@ def test_several_solves_in_one_process():
     tight = block(n=4, cell="hex").solve()
     assert tight.history[-1].measures.worst < 1e-10
     assert tight.iterations > loose.iterations
-
-
-@pytest.mark.ranks(2)
-def test_a_solve_can_be_repeated_and_started_warm():
-    problem = block(n=6, cell="hex")
-    first = problem.solve()
-    again = problem.solve()
-    assert again.iterations == 0
-    np.testing.assert_array_equal(first.tables["contact"].letters, again.tables["contact"].letters)
 
 
 @pytest.mark.ranks(2)

@@ -180,7 +180,10 @@ def test_an_imbalance_is_measured_and_said(caplog):
 
 
 def test_clamped_points_are_in_the_contact_table(folder):
-    table = arch(12, 1).solve().tables["contact"]
+    result = arch(12, 1).solve()
+    assert result.counts["clamped"] == 1
+    assert result.imbalance < 1e-9
+    table = result.tables["contact"]
     counts = status.count(table.status)
     assert str(table).startswith(f"contact: {len(table.x)} points ({counts['open']} open, ")
     assert len(str(table)) < 200
