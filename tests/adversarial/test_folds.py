@@ -81,30 +81,6 @@ def test_a_path_run_in_parts_has_the_folds_of_one():
     assert_close(table.un[k], opening(0.6, 0.5), 1e-5)
 
 
-def test_a_half_broken_bond_goes_back_along_its_secant():
-    """Unloaded to a pressed state and loaded again; damage continues where it stopped."""
-    K = 4.0
-    path = bonded(K)
-    control = StepControl(initial=0.05, maximum=0.1)
-    path.run(gamma_range=(-0.1, 0.2), control=control)
-    beta = (U0 / opening(0.2, K)) ** 2
-    back = path.run(gamma_range=(-0.1, 0.2), direction="back", control=control)
-    for step in back.steps:
-        table = step.result.tables["contact"]
-        right = max(step.gamma, 0.0) * K / (K + beta**2)
-        assert_close(table.un[free_row(table)], right, 1e-4)
-    table, k = end_of(back)
-    assert_close(back.steps[-1].gamma, -0.1)
-    assert_close(table.beta[k], beta, 1e-4)
-    assert_close(table.pressure[k], 0.1 * K * C)
-    again = path.run(gamma_range=(-0.1, 0.3), direction="back", control=control)
-    table, k = end_of(again)
-    assert_close(again.steps[-1].gamma, 0.3)
-    assert_close(table.un[k], opening(0.3, K), 1e-4)
-    assert not back.folds
-    assert not again.folds
-
-
 @pytest.mark.parametrize(
     ("shape", "end"), [(lambda g: g, 1.0), (lambda g: g * (2 - g), 2.0)], ids=["up", "back"]
 )
