@@ -6,8 +6,6 @@ from support.enumeration import enumerated, random_problem
 
 from dolfinx_contact.algorithms import coulomb_by_lemke
 from dolfinx_contact.proofs import (
-    Certificate,
-    InvalidCertificate,
     ReducedProblem,
     check,
     prove_solutions,
@@ -197,37 +195,3 @@ def test_a_search_in_the_plane_that_is_cut_short_says_so():
     assert found.verdict == "open"
     assert len(found.open_regions) == 1
     assert check(found.certificate).verdict == "open"
-
-
-@pytest.fixture(scope="module")
-def proof():
-    """A proof with exclusions and a uniqueness after a branch."""
-    rng = np.random.default_rng(12)
-    while True:
-        S, p, F = random_problem(rng)
-        found = prove_solutions(ReducedProblem(S, p, F))
-        if {"exclude", "only", "branch"} <= {s["do"] for s in found.certificate.steps}:
-            return found
-
-
-@pytest.mark.ranks(2)
-def test_certificates_are_stored(proof, tmp_path):
-    proof.certificate.save(tmp_path / "proof.npz")
-    again = Certificate.load(tmp_path / "proof.npz")
-    assert again.steps == proof.certificate.steps
-    checked = check(again)
-    assert checked.verdict == "complete"
-    assert statuses(checked.inside) == statuses(proof.solutions)
-    np.savez(tmp_path / "other.npz", S=np.eye(2))
-    with pytest.raises(ValueError, match="not a certificate"):
-        Certificate.load(tmp_path / "other.npz")
-
-
-def test_a_proof_of_another_problem_is_none(proof):
-    """With another load, or errors of it, the steps prove nothing."""
-    given = proof.certificate.problem
-    for p, dp in ((-given.p, None), (given.p, np.full_like(given.p, 10.0))):
-        other = ReducedProblem(given.S, p, given.friction, None, None, dp)
-        moved = Certificate(other, proof.certificate.steps, proof.certificate.vectors)
-        with pytest.raises(InvalidCertificate):
-            check(moved)
