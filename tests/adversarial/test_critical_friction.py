@@ -251,27 +251,3 @@ def test_open_and_stuck_points_take_no_part_in_the_slips_of_a_solution():
         assert_all_found(found, sorted_by_slips(sign[:, None] * S[:m, :m] * sign, S[m:, :m] * sign))
         assert_close(found.positions[:, 0], own.V.tabulate_dof_coordinates()[slips, 0])
     assert len(kinds) >= 3
-
-
-def test_a_leaning_box_slips_obliquely():
-    """All points slip along d, the tangential part of a vector; slip across it is held."""
-
-    def box(comm):
-        body = block((2, 2, 2), cell="tet", comm=comm)
-        x = body.domain.geometry.x
-        x[:, 0] += 1.5 * x[:, 2]
-        x[:, 1] += 1.0 * x[:, 2]
-        return body
-
-    body, own = box(COMM), box(SELF)
-    problem = body.problem(Coulomb(0.3), energy_of(body))
-    found = critical_friction(problem, np.array([3.0, 4.0, 7.0]))
-    bottom = nodes_of(own.V, lambda y: np.isclose(y[:, 2], 0))
-    top = nodes_of(own.V, lambda y: np.isclose(y[:, 2], 1))
-    S = condensed(dense(tangent(energy_of(own), own)), dofs(bottom, 3), dofs(top, 3))
-    along = np.kron(np.eye(len(bottom)), [0.6, 0.8, 0.0]).T
-    normal = np.kron(np.eye(len(bottom)), [0, 0, 1]).T
-    lists = sorted_by_slips(along.T @ S @ along, normal.T @ S @ along)
-    assert_close(found.one_signed, lists[0])
-    assert_close(found.mixed, lists[1])
-    assert_close(sizes(found.unreal), sizes(lists[2]))

@@ -88,22 +88,6 @@ def test_lemke_does_not_depend_on_units(scale):
     np.testing.assert_allclose(other[:, :2], scale * one[:, :2], atol=1e-12 * scale)
 
 
-@pytest.mark.verifies(
-    "Lemke", reference="closed form: Hild's element, three solutions", aspects=("2D",), alone=True
-)
-def test_lemke_finds_the_solutions_of_hilds_element():
-    """Hild's element with lambda = mu = 1, F = 3: separation, stick and slip are its solutions."""
-    S = np.array([[2.0, 1.0], [1.0, 2.0]])
-    p = np.array([-1.2, -0.5])
-    (w,), _ = coulomb_by_lemke(S, p, np.array([3.0]))
-    known = [
-        [*np.linalg.solve(S, p), 0.0, 0.0],
-        [0.0, 0.0, 1.2, 0.5],
-        [-0.3, 0.0, 0.6, 0.2],
-    ]
-    assert min(np.abs(w - np.array(k)).max() for k in known) < 1e-12
-
-
 def test_lemke_solves_without_contact():
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     for p in (np.zeros(2), S @ np.array([0.3, 0.2])):
