@@ -66,7 +66,7 @@ class Faces:
 
     @property
     def balls(self) -> tuple[Array, Array]:
-        """Midpoints (n, dim) of the facets, and radii (n,) of balls around them."""
+        """Centres, shape (n, dim), and radii, shape (n,), of balls that contain the facets."""
         return balls(self.x)
 
 
@@ -94,9 +94,11 @@ class Cover:
         master: master facets that may oppose some of them.
         facet: slave facet of each piece.
         other: master facet of each piece.
-        pieces: corners in the plane of the slave facet, shape (pieces, dim, dim - 1).
-        slave_x: corners of the slave facet in its plane, shape (pieces, k, dim - 1).
-        master_x: corners of the master facet in that plane, shape (pieces, k, dim - 1).
+        pieces: corners of each piece in the plane of its slave facet, shape (pieces, dim, dim - 1).
+        slave_x: k corners of the slave facet of each piece in its plane, shape
+            (pieces, k, dim - 1).
+        master_x: corners of the master facet of each piece, projected onto that plane, shape
+            (pieces, k, dim - 1).
     """
 
     slave: Faces
@@ -113,10 +115,11 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, NodeWeights]:
-        """Return the opposing points of slave corners, one for each piece at the corner.
+        """Return the point opposite to each slave corner, once per piece with this corner.
 
         Returns:
-            Global slave nodes (n,), and master nodes (n, k) with their weights of degree 1.
+            Global slave nodes at the corners, shape (n,); and the k corners of the opposing master
+            facet with the values of their linear basis at the opposing point, shape (n, k).
         """
         apart = np.linalg.norm(self.pieces[:, :, None] - self.slave_x[:, None], axis=3)
         size = np.ptp(self.slave_x, axis=1).max(axis=1)
@@ -127,10 +130,10 @@ class Cover:
         return self.slave.nodes[self.facet[piece], corner], NodeWeights(nodes, basis(at, k, 1))
 
     def rule(self, degree: int) -> QuadratureRule:
-        """Return quadrature points, exact for products of bases on parallelograms.
+        """Return a quadrature rule that is exact for products of bases on parallelograms.
 
         Args:
-            degree: degree of the products, in each direction of quadrilaterals.
+            degree: polynomial degree of the products; on quadrilaterals, degree in each direction.
         """
         dim = self.pieces.shape[1]
         flat = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
@@ -149,15 +152,16 @@ def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:
 
 
 def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int = 0) -> Array:
-    """Return values and derivatives of a scalar element at reference coordinates (..., dim - 1).
+    """Return values and derivatives of a scalar element at reference coordinates.
 
     Args:
         element: element with k basis functions.
-        x: reference coordinates.
+        x: reference coordinates, shape (..., dim - 1).
         order: order of the derivatives, 0 or 1.
 
     Returns:
-        Values (1, ..., k), followed by the derivatives in each direction for order 1.
+        Values and, for order 1, derivatives in each direction, stacked along the first axis; shape
+        (1, ..., k) or (dim, ..., k).
     """
     # Basix aborts without any points.
     points = x.reshape(-1, x.shape[-1]) if x.size else np.zeros((1, x.shape[-1]))
@@ -166,12 +170,18 @@ def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int 
 
 
 def basis(x: Array, corners: int, degree: int) -> Array:
-    """Return the Lagrange basis of facets with 2, 3 or 4 corners at coordinates (..., dim - 1)."""
+    """Return values of the Lagrange basis of a facet.
+
+    Args:
+        x: reference coordinates, shape (..., dim - 1).
+        corners: number of corners of the facet, 2, 3 or 4.
+        degree: polynomial degree.
+    """
     return tabulated(_element(corners, degree), x)[0]
 
 
 class LinearBasis(NamedTuple):
-    """The Lagrange basis of degree 1 at places.
+    """Lagrange basis of degree 1 at given reference coordinates, with k basis functions.
 
     Attributes:
         values: values, shape (..., k).
@@ -183,7 +193,12 @@ class LinearBasis(NamedTuple):
 
 
 def linear_basis(x: Array, corners: int) -> LinearBasis:
-    """Return the basis of degree 1 of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
+    """Return the Lagrange basis of degree 1 of a facet.
+
+    Args:
+        x: reference coordinates, shape (..., dim - 1).
+        corners: number of corners of the facet, 2, 3 or 4.
+    """
     table = tabulated(_element(corners, 1), x, 1)
     return LinearBasis(table[0], np.moveaxis(table[1:], 0, -1))
 
@@ -217,17 +232,19 @@ def cover(
 ) -> Cover:
     """Return the covered parts of slave facets. Not collective.
 
-    Where several master facets lie above each other, the nearest ones count, up to the area of the
-    slave facet. Slave facets that are barely covered do not count.
+    Where several master facets lie above each other, only the nearest ones are used, up to the area
+    of the slave facet. Slave facets that are barely covered are omitted.
 
     Args:
         slave: slave facets of this rank.
         master: master facets that may oppose some of them.
         pairs: indices of slave and master facets that may oppose each other, shape (n, 2).
-        deepest: largest overlap of the bodies, one length or one per slave facet.
-        farthest: largest distance of the bodies.
-        least: covered fraction of a slave facet below which it does not count.
-        steep: cosine of the largest angle at which facets face each other.
+        deepest: largest depth at which a master facet may lie behind a slave facet; a length, or
+            one length per slave facet.
+        farthest: largest distance at which a master facet may lie in front of a slave facet.
+        least: covered fraction of its area below which a slave facet is omitted.
+        steep: cosine of the largest angle between the slave normal and the reversed master normal
+            of opposing facets.
     """
     facing = dot(slave.normals[pairs[:, 0]], master.normals[pairs[:, 1]]) < -steep
     i, k = pairs[facing].T
@@ -271,10 +288,10 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
-    """Return the pieces that count: the nearest ones of several layers, up to the facet area.
+    """Return the nearest pieces of each slave facet, up to the area of the facet.
 
-    Master parts that overlap slightly, such as adjacent bodies whose meshes do not quite fit, are
-    not layers, and all of them count.
+    Slight overlaps, as between adjacent master bodies whose meshes do not quite fit, do not
+    indicate several layers; then all pieces are returned.
     """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
@@ -288,7 +305,11 @@ def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
 
 
 def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
-    """Return common parts of pairs of segments: numbers of the pairs, ends (parts, 2, 1)."""
+    """Return the common parts of pairs of segments.
+
+    Returns:
+        Index of the pair of each part, and ends of the part, shape (parts, 2, 1).
+    """
     low = np.maximum(slave.min(axis=1), master.min(axis=1))[:, 0]
     high = np.minimum(slave.max(axis=1), master.max(axis=1))[:, 0]
     pair = np.flatnonzero(high - low > _SLIVER * size)
@@ -296,7 +317,11 @@ def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
 
 
 def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
-    """Return common parts of pairs of polygons, as triangles around their centres."""
+    """Return the common parts of pairs of polygons, divided into triangles around their centres.
+
+    Returns:
+        Index of the pair of each triangle, and its corners, shape (triangles, 3, 2).
+    """
     clip = _anticlockwise(slave[:, _LOOP[slave.shape[1]]])
     polygon = _anticlockwise(master[:, _LOOP[master.shape[1]]])
     ends = np.roll(clip, -1, axis=1)
@@ -314,17 +339,20 @@ def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
 
 
 def _crossed(a: Array, b: Array) -> Array:
-    """Return the products a x b of vectors (..., 2), shape (...)."""
+    """Return the cross products a x b of plane vectors, shape (...)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _area(x: Array) -> Array:
-    """Return signed areas of polygons (..., k, 2)."""
+    """Return signed areas, shape (...), of polygons with corners of shape (..., k, 2)."""
     return 0.5 * _crossed(x, np.roll(x, -1, axis=-2)).sum(axis=-1)
 
 
 def _centre(polygon: Array) -> Array:
-    """Return centroids (n, 2), which do not depend on order and repetition of the corners."""
+    """Return centroids of polygons, shape (n, 2).
+
+    They depend neither on the order nor on the repetition of the corners.
+    """
     first = polygon[:, :1]
     x = polygon - first
     y = np.roll(x, -1, axis=1)
@@ -340,7 +368,13 @@ def _anticlockwise(x: Array) -> Array:
 
 
 def _cut(polygon: Array, start: Array, end: Array) -> Array:
-    """Return the parts of convex polygons (n, m, 2) to the left of lines; see `_kept`."""
+    """Return the parts of convex polygons to the left of lines; see `_kept`.
+
+    Args:
+        polygon: corners, shape (n, m, 2).
+        start: a point of the line of each polygon, shape (n, 2).
+        end: a second point of each line, shape (n, 2).
+    """
     along = end - start
     left = _crossed(along[:, None], polygon - start[:, None]) / dot(along, along)[:, None]
     inside = left >= -_ON_LINE
@@ -355,9 +389,10 @@ def _cut(polygon: Array, start: Array, end: Array) -> Array:
 
 
 def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
-    """Return polygons of the kept corners, in their order, and the numbers of corners.
+    """Return polygons without the corners that are not marked, and their numbers of corners.
 
-    The last corner is repeated, so that all polygons have equally many.
+    The order of the corners is preserved. The last corner is repeated, so that all polygons have
+    equally many corners.
     """
     count = kept.sum(axis=1)
     place = np.minimum(np.arange(count.max(initial=3)), np.maximum(count - 1, 0)[:, None])
@@ -366,7 +401,12 @@ def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
 
 
 def _reference(corners: Array, x: Array) -> Array:
-    """Return reference coordinates in facets (n, k, dim - 1) of points (n, q) in their planes."""
+    """Return reference coordinates of points in the planes of facets.
+
+    Args:
+        corners: corners of the facets in their planes, shape (n, k, dim - 1).
+        x: points in these planes, shape (n, q, dim - 1).
+    """
     k, width = corners.shape[1:]
     xi: Array = np.full(x.shape, 0.5)
     for _ in range(1 if k == width + 1 else _STEPS):  # one step is exact in simplices

@@ -75,7 +75,8 @@ class Evaluators(NamedTuple):
 
     Attributes:
         at_points: evaluator at the points.
-        average: evaluator of the ``offset`` that the mixed method averages; None in the others.
+        average: evaluator of the product of gap and normal, which the mixed method averages; None
+            in the other methods.
     """
 
     at_points: Evaluator
@@ -85,7 +86,7 @@ class Evaluators(NamedTuple):
 class ContactPoints(ABC):
     """Contact points of a surface on this rank, data there, and the operators B and E.
 
-    Points that are vertices have the order of the vertices.
+    If the points are vertices, they have the order of the vertices.
 
     Args:
         V: displacement space.
@@ -102,11 +103,13 @@ class ContactPoints(ABC):
         number_everywhere: number of points on all ranks.
         areas: areas W of the points (lengths in 2D), shape (n,).
         positions: positions, shape (n, dim).
-        ids: keys that distinguish points with equal coordinates, independent of the number of
-            ranks, shape (n, k).
+        ids: keys of k integers that distinguish points with equal coordinates, independent of the
+            number of ranks, shape (n, k).
         data: normals, gaps, augmentation and fields of the law at the points.
-        gaps: initial gaps at the points, shape (n,); the mixed method has averages in `data`.
-        aside: tangential part of the average of g n in the mixed method, shape (n, dim).
+        gaps: initial gaps at the points, shape (n,); in the mixed method, `data` contains averages
+            of them.
+        aside: tangential part of the average of g n (gap g, normal n) in the mixed method, shape
+            (n, dim).
         space: scalar space with one dof per point; P1 space of the vertices if points lie on
             common parts of faces.
         Q: space of the multiplier, on the submesh.
@@ -206,18 +209,18 @@ class ContactPoints(ABC):
 
     @abstractmethod
     def from_vertices(self, values: Array) -> Array:
-        """Return values at the points (n,) interpolated from the local vertices."""
+        """Return values at the points, shape (n,), interpolated from the local vertices."""
 
     @abstractmethod
     def at_vertices(self, values: Array) -> Array:
-        """Return means of point values (n, ...) around the local vertices. Collective.
+        """Return means of point values around the local vertices, ghosts included. Collective.
 
-        Ghosts are included. If the points are the vertices, the values are returned.
+        If the points are the vertices, their own values are returned.
         """
 
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return data at the local vertices from data at the local points. Collective."""
+        """Return data at the local vertices computed from data at the local points. Collective."""
 
     @abstractmethod
     def _give(self, given: Mask, idle: Mask) -> Mask:
@@ -249,11 +252,14 @@ class ContactPoints(ABC):
         return PointEvaluator(self.vertices, self._at_nodes, expressions, self._maps)
 
     def remove_overlap(self, gaps: Array, vertex_gaps: Array) -> None:
-        """Subtract overlaps from all later gaps, in addition to earlier ones. Collective.
+        """Subtract overlaps from all later gaps. Collective.
+
+        Overlaps removed by earlier calls remain removed.
 
         Args:
-            gaps: gaps at the points of this rank, whose negative parts are removed, shape (n,).
-            vertex_gaps: likewise, at the local vertices.
+            gaps: gaps at the points of this rank, whose negative parts are the overlaps, shape
+                (n,).
+            vertex_gaps: gaps at the local vertices, whose negative parts are the overlaps.
         """
         if self.removed_overlap is None or self.removed_at_vertices is None:
             self.removed_overlap = fem.Function(self.space)
@@ -264,7 +270,10 @@ class ContactPoints(ABC):
 
     @property
     def choices(self) -> list[float]:
-        """Further data of the discretisation that records compare. Collective."""
+        """Largest overlap removed by `remove_overlap`, rounded to 6 digits, as a list. Collective.
+
+        Empty if none was removed. Records compare it to detect another discretisation.
+        """
         if self.removed_overlap is None:
             return []
         # without the digits that depend on the number of ranks
@@ -295,7 +304,11 @@ class ContactPoints(ABC):
         return {name: v[: self.number] for name, v in evaluate().items()}
 
     def rates(self, evaluators: Evaluators) -> tuple[PointData, Array]:
-        """Return rates of data and of `aside` from the evaluators of rates. Collective."""
+        """Return the rates of `data` and of `aside`. Collective.
+
+        Args:
+            evaluators: evaluators of the rates of gap, normal and fields of the law.
+        """
         values = self.own(evaluators.at_points)
         n = self.data.n
         gap, normal = values["gap"], values["normal"]
@@ -309,17 +322,17 @@ class ContactPoints(ABC):
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
-        """Return averages of an offset along the normals; None without averages. Collective.
+        """Return averages of the offset g n around the points; None if none are taken. Collective.
 
         Args:
-            average: evaluator of the offset in the mixed method; None in the others.
-            offset: offset at the points, shape (n, dim).
+            average: evaluator of the offset g n in the mixed method; None in the other methods.
+            offset: offset g n at the points, or its rate, shape (n, dim).
             normal: normals, or their rates, shape (n, dim).
         """
         return None if self._shared is None else multiplied(self._shared, offset)
 
     def outward(self, u: Array) -> Array:
-        """Return outward unit normals of the face at the points (n, dim). Collective.
+        """Return outward unit normals of the face at the points, shape (n, dim). Collective.
 
         They are means of the area vectors around the vertices.
 
@@ -332,13 +345,13 @@ class ContactPoints(ABC):
         return unit(np.stack([self.from_vertices(v) for v in at_vertices.T], axis=1))
 
     def set_augmentation(self, r: Array) -> None:
-        """Set r at the local vertices."""
+        """Set the augmentation parameter r at the local vertices."""
         self.r = np.asarray(r, dtype=np.float64).copy()
         self.data = replace(self.data, r=self.from_vertices(self.r))
 
     @property
     def mean_augmentation(self) -> float:
-        """Mean of r over the vertices, a stiffness per area. Collective."""
+        """Mean augmentation parameter of the vertices, a stiffness per area. Collective."""
         return self.geometry.mean(self.r)
 
     def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
@@ -357,8 +370,8 @@ class ContactPoints(ABC):
 
         Args:
             opposite: opposing points of the nodes.
-            sections: areas around the vertices; for a body of revolution, areas in the section.
-            averaged: areas of the points in the mixed method; None in the others.
+            sections: areas around the vertices; for a body of revolution, lengths in its section.
+            averaged: areas of the points in the mixed method; None in the other methods.
         """
         areas = averaged
         if areas is None:
@@ -377,13 +390,20 @@ class ContactPoints(ABC):
     # -- operators -------------------------------------------------------------------------------
 
     def traction(self, multipliers: Array) -> Array:
-        """Return T = E l at the points (n, dim) for the owned multipliers. Collective."""
+        """Return the tractions E l of owned multipliers l at the points. Collective.
+
+        Shape (n, dim).
+        """
         if self.E is None:
             return multipliers.reshape(-1, self.dim).copy()
         return product(self.E, multipliers.reshape(-1)).reshape(-1, self.dim)
 
     def rows(self, values: Array) -> Array:
-        """Return E^T W of values at the points (n, dim): owned contact rows. Collective."""
+        """Return the owned contact rows E^T W v of values v at the points. Collective.
+
+        Args:
+            values: values v, shape (n, dim).
+        """
         weighted = self.areas[:, None] * values
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
@@ -454,7 +474,11 @@ class NodePoints(ContactPoints):
         return here if opposite is None else here.minus(self._each_alone(opposite.at(nodes)))
 
     def _each_alone(self, rows: NodeWeights) -> Stencils:
-        """Return the stencils of points that are multiplier nodes."""
+        """Return the stencils of points that are multiplier nodes, one group per point.
+
+        Args:
+            rows: nodes and weights of the jump at each point.
+        """
         n = self.number
         mine = np.arange(n, dtype=np.int64)[:, None]
         return Stencils(

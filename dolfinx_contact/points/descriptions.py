@@ -124,7 +124,7 @@ def _check_elements(a: Arguments, degree: int) -> None:
     """Set the default method; raise ``ValueError`` if it does not support the degrees.
 
     The quadrature must integrate multiplier times displacement exactly on flat facets, otherwise
-    the stability is lost. In bodies of revolution the weight 2 pi r takes one degree more.
+    the stability is lost. In bodies of revolution the weight 2 pi r requires one more degree.
     """
     one_of(a.sliding, f"{a.name}: sliding", ("small", "large", None))
     flag(a.axisymmetric, f"{a.name}: axisymmetric")
@@ -161,7 +161,7 @@ class Overlap:
 
     @property
     def presses(self) -> bool:
-        """Whether the overlap is a press fit."""
+        """Whether an overlap is a press fit, i.e. causes contact pressure."""
         return self.most > 0.0 and not self.removed
 
     @classmethod
@@ -192,7 +192,7 @@ class Overlap:
         Args:
             comm: communicator.
             gaps: gaps on this rank, lengths.
-            allowed: overlap that counts as round-off, a length.
+            allowed: overlap attributed to round-off, a length.
             name: name of the surface.
             unless: further remedies, for the message.
         """
@@ -251,7 +251,7 @@ def _check_pair(a: Arguments) -> None:
 
 
 def _check_sliding(a: Arguments, degree: int, what: str) -> None:
-    """Raise ``ValueError`` for elements, laws or a search distance that do not fit."""
+    """Raise ``ValueError`` for elements, laws or a search distance that large sliding excludes."""
     cells = a.u.function_space.mesh.ufl_domain().ufl_coordinate_element()
     if (degree, getattr(a, "multiplier_degree", 1), cells.degree) != (1, 1, 1):
         raise ValueError(

@@ -166,7 +166,7 @@ class DisplacedPoints:
 
     Attributes:
         friction: whether slips are counted from the last accepted state.
-        ended: whether the obstacle has a rim, past which a face leaves it gradually.
+        ended: whether the obstacle has a rim, beyond which a face loses contact gradually.
         given: gap and normal at the displaced points in UFL, and the fields of the law in the
             reference configuration.
         seen: jump j in UFL.
@@ -206,15 +206,15 @@ class DisplacedPoints:
         self._no_gap = _ROUND_OFF * maximum(points.comm, np.abs(points.positions))
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
-        """Return the obstacle with its gap past a rim, which depends on a removed overlap."""
+        """Return the obstacle with its gap beyond the rim, which depends on a removed overlap."""
         return self._whole.ended(lambda: (self._points.geometry.facet_widths, _removed(removed)))
 
     def starts(self, most: float) -> tuple[Array, Array]:
         """Return gaps of the undeformed body on an obstacle with a rim. Collective.
 
-        If an overlap is removed, the gap of a point past the rim and below it is its height over
-        the rim, as for the adjacent part of the face. A point that has left the obstacle has this
-        gap only if the face is turned towards the obstacle.
+        If an overlap is removed, a point beyond the rim and below it has a negative gap, its height
+        over the rim, like the adjacent part of the face. A point that has left the obstacle has
+        this gap only if the face is turned towards the obstacle.
 
         Args:
             most: largest removed overlap; 0 for none.
@@ -232,7 +232,14 @@ class DisplacedPoints:
     def _started(
         self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
     ) -> Array:
-        """Return gaps at points x (n, dim) after removing the overlaps ``taken``; see `starts`."""
+        """Return gaps after removing overlaps; see `starts`.
+
+        Args:
+            x: positions, shape (n, dim).
+            of_face: facet size ``width`` and outward normal ``out`` of the face at these positions.
+            taken: overlaps removed so far; None if there are none.
+            most: largest removed overlap.
+        """
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
@@ -241,7 +248,10 @@ class DisplacedPoints:
         return gap if taken is None else gap + taken.x.array[: len(x)]
 
     def _place(self, place: Array, before: Array | None) -> None:
-        """Set present and earlier displacements of the points, shape (n, dim)."""
+        """Set the displacements of the points now and at the last accepted state.
+
+        Both have shape (n, dim).
+        """
         there = np.zeros_like(place) if before is None else before
         for f, values in ((self._moved, place), (self._moved_before, there)):
             f.x.array[:] = self._points.exchange.from_owners(values).reshape(-1)
@@ -254,7 +264,7 @@ class DisplacedPoints:
         frame: Array | None,
         memory: Memory | None,
     ) -> Kinematics:
-        """Return the jumps at displaced points and the data of the law, without its memory.
+        """Return jumps and data of the law at displaced points, without the memory of the law.
 
         Args:
             operator: B.
@@ -287,7 +297,7 @@ class DisplacedPoints:
     def rates(
         self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array]:
-        """Return rates of the data of the law and of the jump (n, dim) at fixed points.
+        """Return rates of the data of the law, and of the jump at fixed points, shape (n, dim).
 
         Args:
             evaluate: evaluator of rates, including ``seen``, the rate of the jump.
@@ -360,9 +370,10 @@ class TrueGaps:
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> Array | None:
-        """Return distances of the points of this rank from the obstacle, (n,). Collective.
+        """Return distances of the points of this rank from the obstacle, shape (n,). Collective.
 
-        They are negative inside it; None if it is known only in the reference configuration.
+        Distances are negative inside the obstacle. The result is None if the obstacle is known only
+        in the reference configuration.
         """
         if not known_displaced(self._shape):
             return None

@@ -67,7 +67,11 @@ class _Columns:
         self.components = flat.components
 
     def by_name(self, values: Array) -> dict[str, Array]:
-        """Return an array (n, ...) for each expression from the columns (n, width)."""
+        """Split columns into one array per expression, shape (n, ...).
+
+        Args:
+            values: columns, shape (n, number of columns).
+        """
         return {
             name: values[:, place].reshape(-1, *shape)
             for name, (place, shape) in self._places.items()
@@ -141,14 +145,19 @@ class PointEvaluator:
 def measure_of(
     domain: mesh.Mesh, facets: Indices, degree: int, rule: str = "default"
 ) -> ufl.Measure:
-    """Return the measure of the exterior facets among ``facets`` owned by this rank. Collective."""
+    """Return the measure of the owned exterior facets among ``facets``. Collective."""
     entities = facet_integration_entities(domain, owned_exterior(domain, facets))
     ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
     return ds(1, metadata={"quadrature_rule": rule, "quadrature_degree": degree})
 
 
 def blocked_space(W: fem.FunctionSpace, width: int) -> fem.FunctionSpace:
-    """Return the space of vectors over a scalar space of points."""
+    """Return the space of vectors whose components are in a scalar space of points.
+
+    Args:
+        W: scalar space.
+        width: number of components.
+    """
     return fem.functionspace(W.mesh, _blocked(W.ufl_element(), width))
 
 
@@ -163,7 +172,7 @@ def _linear(cell: basix.CellType, dtype: np.dtype[Any]) -> Any:
 
 
 def point_space(domain: mesh.Mesh, degree: int | None) -> fem.FunctionSpace:
-    """Return a scalar space with one dof per vertex, or per Gauss point of a degree."""
+    """Return a scalar space with one dof per vertex or Gauss point."""
     if degree is None:
         return fem.functionspace(domain, _linear(domain.basix_cell(), domain.geometry.x.dtype))
     cell = domain.basix_cell()
@@ -221,7 +230,7 @@ class Given:
 
     @cached_property
     def _arrays(self) -> list[Any]:
-        """Functions with arrays of values, each once, in the same order on every rank."""
+        """Functions in the data, without duplicates, in the same order on every rank."""
         every = {f for data in self.data.values() for f in data.functions}
         return sorted((f for f in every if isinstance(f, fem.Function)), key=lambda f: f.count())
 
@@ -237,12 +246,12 @@ class Given:
 
 
 def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the fields of the law among values by the names of `Given.at_points`."""
+    """Select the fields of the law from values named as in `Given.at_points`."""
     return {name[1:]: v for name, v in values.items() if name.startswith(":")}
 
 
 class GapsAndNormals(NamedTuple):
-    """Gaps (n,) and unit normals (n, dim) of an obstacle at n places."""
+    """Gaps, shape (n,), and unit normals, shape (n, dim), of an obstacle at n positions."""
 
     gap: Array
     normal: Array
@@ -270,7 +279,7 @@ class ScatteredEvaluator:
         expressions: UFL scalars and vectors of coordinates, Constants and Functions, by name.
 
     Attributes:
-        x: points, shape (n, dim). Without Functions any other points may be set.
+        x: points, shape (n, dim). They may be replaced if the expressions contain no Functions.
 
     Raises:
         ValueError: on every rank, if an expression contains derivatives of Functions, geometric

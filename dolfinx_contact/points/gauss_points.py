@@ -51,9 +51,9 @@ class GaussPoints:
     Attributes:
         space: scalar space with one dof per point; P1 space of the vertices if points lie on
             common parts of faces.
-        numbers: local numbers of the points, shape (groups, p).
-        cells: cells of the submesh by group.
-        corners: local vertices of the groups, shape (groups, k).
+        numbers: local numbers of the p points of each group, shape (groups, p).
+        cells: cell of the submesh of each group.
+        corners: local vertices at the k corners of the facet of each group, shape (groups, k).
     """
 
     space: fem.FunctionSpace
@@ -97,7 +97,7 @@ class GaussPoints:
         return int(self.numbers.size)
 
     def _table(self, W: fem.FunctionSpace) -> Array:
-        """Return basis functions of a Lagrange space at the points, shape (groups, p, k)."""
+        """Return the k basis functions of a Lagrange space at the points, shape (groups, p, k)."""
         element = W.ufl_element()
         scalar = element.sub_elements[0] if element.block_size > 1 else element
         # groups of whole facets are alike
@@ -110,16 +110,16 @@ class GaussPoints:
         return PointEvaluator(self.space, self._rule, expressions, self._maps, self._weight)
 
     def from_vertices(self, values: Array) -> Array:
-        """Return values at the points (n,) interpolated from the local vertices."""
+        """Return values at the points, shape (n,), interpolated from the local vertices."""
         at_points: Array = np.zeros(self.number)
         at_points[self.numbers] = transformed(self._hats, values[self.corners])
         return at_points
 
     def at_vertices(self, values: Array, areas: Array) -> Array:
-        """Return means of point values (n, ...) around the local vertices. Collective.
+        """Return means of point values around the local vertices. Collective.
 
         Args:
-            values: values at the points.
+            values: values at the points, shape (n, ...).
             areas: areas of the points, shape (n,).
         """
         width = int(np.prod(values.shape[1:], dtype=int))  # a rank may have no points
@@ -145,7 +145,8 @@ class GaussPoints:
 
         Args:
             Q: space of the multiplier.
-            trace: function from local nodes of the slave to nodes with weights that displace them.
+            trace: function mapping local nodes of the slave to the nodes and weights whose weighted
+                sum is their displacement.
         """
         degree = self._V.ufl_element().degree
         U = self._vertices
@@ -170,7 +171,7 @@ class CommonGaussPoints(GaussPoints):
 
     Args:
         common: common parts of the faces.
-        args: other arguments of `GaussPoints`.
+        args: positional arguments of `GaussPoints`.
     """
 
     def __init__(self, common: Common, *args: Any):

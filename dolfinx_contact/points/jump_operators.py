@@ -69,13 +69,16 @@ class Operator(ABC):
 
     @abstractmethod
     def rate(self, v: Array) -> Array:
-        """Return the derivative along v of the jumps in the laws, shape (n, dim).
+        """Return the derivative of the jumps in the laws along v, shape (n, dim).
 
         The part from normals that turn with the displacement (`normal_rate`) is not included.
         """
 
     def normal_rate(self, v: Array) -> Array | None:
-        """Return the derivative along v of the normals (n, dim); None if B does not change them."""
+        """Return the derivative of the normals along v, shape (n, dim).
+
+        None if B does not change the normals.
+        """
         return None
 
     def mean_around(self, tractions: Array) -> Array:
@@ -84,15 +87,15 @@ class Operator(ABC):
 
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:
-        """Return B^T W t, the forces on the owned displacement dofs, as a flat array."""
+        """Return B^T W t, the forces of tractions on owned displacement dofs, as a flat array."""
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
-        """Return the derivative along v of the forces of fixed tractions, as a flat array."""
+        """Return the derivative of B^T W t along v at fixed tractions t, as a flat array."""
 
     @abstractmethod
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """Return the matrix of B for one component.
+        """Return the scalar matrix b of B = b (x) I.
 
         Args:
             comm: communicator.
@@ -138,10 +141,10 @@ class Stencils:
     """Weights of the nodes at the points of this rank, group by group.
 
     Attributes:
-        points: local numbers of the points by group, shape (groups, p).
-        nodes: global nodes of the displacement, shape (groups, k).
-        weights: weights b, which add up at a repeated node, shape (groups, p, k).
-        multiplier_nodes: global nodes of the multiplier, shape (groups, l).
+        points: local numbers of the p points of each group, shape (groups, p).
+        nodes: k global nodes of the displacement per group, shape (groups, k).
+        weights: weights b, shape (groups, p, k); weights of a repeated node add up.
+        multiplier_nodes: l global nodes of the multiplier per group, shape (groups, l).
         multiplier_weights: weights e, shape (groups, p, l).
         identity: whether E is the identity, since the points are multiplier nodes.
     """
@@ -154,7 +157,7 @@ class Stencils:
     identity: bool
 
     def minus(self, other: Stencils) -> Stencils:
-        """Return the stencils of the difference of two displacements at the same points."""
+        """Return the stencils of the difference between these values and those of ``other``."""
         return replace(
             self,
             nodes=np.concatenate([self.nodes, other.nodes], axis=1),
@@ -202,13 +205,13 @@ class NodeWeights(NamedTuple):
 
 
 def own_nodes(V: fem.FunctionSpace, nodes: Indices) -> NodeWeights:
-    """Return local nodes with the weight 1: the trace of the body itself."""
+    """Return each local node with the weight 1, the stencil of its own displacement."""
     numbers = global_numbers(V.dofmap.index_map, nodes[..., None])
     return NodeWeights(numbers, np.ones(numbers.shape))
 
 
 def scaled_rows(A: PETSc.Mat) -> Array:
-    """Divide the rows of a matrix by their sums, if positive; return the sums. Collective."""
+    """Divide each row of a matrix by its sum, if positive; return the sums. Collective."""
     by = A.getRowSum()
     sums: Array = by.array.copy()
     by.array[:] = 1 / np.where(sums > 0, sums, 1.0)
@@ -218,7 +221,7 @@ def scaled_rows(A: PETSc.Mat) -> Array:
 
 
 def rows_of(A: PETSc.Mat) -> NodeWeights:
-    """Return nodes and weights (n, k) of the rows of a matrix, which is destroyed."""
+    """Return the column indices and entries of each row as `NodeWeights`; destroy the matrix."""
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
@@ -230,7 +233,7 @@ def rows_of(A: PETSc.Mat) -> NodeWeights:
 
 
 def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> NodeWeights:
-    """Return nodes and weights of all local rows from the owned rows. Collective."""
+    """Return nodes and weights of the owned and ghost rows from the owned ones. Collective."""
     k = owned.nodes.shape[1]
     padding = (0, 0), (0, comm.allreduce(k, op=max) - k)
     rows = np.stack([np.pad(part, padding) for part in owned], axis=2, dtype=np.float64)
@@ -239,7 +242,7 @@ def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> Node
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
-    """Return A times every column of values (n, k). Collective."""
+    """Return A times values with k columns, shape (n, k). Collective."""
     return np.stack([product(A, column) for column in values.T], axis=1)
 
 

@@ -77,15 +77,15 @@ class Kinematics:
 
     @property
     def whole(self) -> Array:
-        """Total jump in the frame of the obstacle, including the part that the memory subtracts."""
+        """Total jump in the frame of the obstacle, without memory subtracted, shape (n, dim)."""
         jump = self.jump + self.reference
         return jump if self.frame is None else jump @ self.frame
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Displacements of the points, and the normals there, in the frame of the obstacle.
+        """Displacements of the points and normals at the displaced points.
 
-        Shape (n, dim) each.
+        Both are in the frame of the obstacle and have shape (n, dim).
         """
         if self.place is None:
             return self.whole, self.data.n
@@ -110,9 +110,10 @@ class Kinematics:
 
 
 def rotation(o: Array, n: Array) -> Array:
-    """Return the smallest rotations from unit vectors o to n, for vectors perpendicular to o.
+    """Return the smallest rotations from o to n, applied to vectors perpendicular to o.
 
-    If n = -o, where no rotation is the smallest, these vectors are unchanged.
+    o and n are unit vectors. If n = -o, no rotation is the smallest, and the vectors are returned
+    unchanged.
     """
     dim = n.shape[-1]
     c = np.maximum(1.0 + dot(n, o), _OPPOSITE)

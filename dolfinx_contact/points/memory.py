@@ -48,7 +48,8 @@ class Memory:
         fields: fields of the law at that state, by name, and the distance slipped until then
             (``SLID`` of `laws.symbols`) if the law depends on it, shape (n,) each.
         step: time from that state to the present one.
-        gap: gap in the law, shape (n,), for laws on velocities; None for others.
+        gap: gap in the law at that state, shape (n,), for laws at the velocity level; None for
+            other laws.
         displacement: displacement of the owned nodes at that state in large sliding of pairs, shape
             (nodes, dim); None otherwise.
         place: displacement of the points at that state in the frame of a curved obstacle that they
@@ -84,13 +85,18 @@ class Memory:
         return tangential(self.jump, n)
 
     def reference_rate(self, n: Array, rate: Array) -> Array:
-        """Return the rate of `reference` for a rate of the normals ``n``, shape (n, dim)."""
+        """Return the rate of `reference` if the normals change at a rate, shape (n, dim).
+
+        Args:
+            n: normals, shape (n, dim).
+            rate: rate of the normals, shape (n, dim).
+        """
         along, turning = (dot(self.jump, v)[:, None] for v in (n, rate))
         return -turning * n - along * rate
 
 
 def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
-    """Return point data with the memory, for laws using it.
+    """Return the data of the points, extended by the memory if the law uses it.
 
     Args:
         law: compiled law.
@@ -116,7 +122,7 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
     Args:
         data: data of the points with the memory of the step.
         jump: jumps in the law at the end of the step, shape (n, dim).
-        statuses: statuses at the end of the step; open points move without slipping.
+        statuses: statuses at the end of the step; motion of open points is not counted.
     """
     along = tangential(jump, data.n)
     step = np.where(closed(statuses), np.linalg.norm(along, axis=1), 0.0)

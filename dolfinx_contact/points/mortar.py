@@ -36,10 +36,10 @@ class Coupling:
     """Integrals over slave facets.
 
     Attributes:
-        slave: global slave nodes at corners of pieces, shape (pieces, k, 1).
-        master: global master nodes of pieces, shape (pieces, 1, b).
+        slave: global nodes at the k corners of the slave facet of each piece, shape (pieces, k, 1).
+        master: b global nodes of the master facet of each piece, shape (pieces, 1, b).
         values: integrals of psi_p N_k, shape (pieces, k, b).
-        areas: integrals of N over the covered parts, at the facet corners, shape (n, k).
+        areas: integral of N over the covered part of each slave facet, per corner, shape (n, k).
     """
 
     slave: Ints
@@ -76,7 +76,14 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
-    """Return rows for all nodes of facets (n, k), as means of the rows for corners. Collective."""
+    """Return rows for all nodes of facets, as means of the rows of their corners. Collective.
+
+    Args:
+        comm: communicator.
+        A: rows of the corners; destroyed.
+        nodes: global nodes of facets of degree 2, corners first, shape (n, k).
+        corners: number of corners of a facet.
+    """
     n = A.getLocalSize()[0]
     scaled_rows(A)
     shares = basis(nodal_points(corners, 2), corners, 1)

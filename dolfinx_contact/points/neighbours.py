@@ -44,7 +44,7 @@ class Neighbours:
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """N; assembled again after areas of held ends were redistributed. Collective."""
+        """Matrix N, assembled again if areas have been redistributed. Collective."""
         points, kernel = self._points, self._kernel
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas

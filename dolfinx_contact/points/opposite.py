@@ -71,7 +71,7 @@ _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
 
 
 class Sides(NamedTuple):
-    """Masks of the local nodes on slave and master."""
+    """Masks of the local nodes on the slave and on the master."""
 
     slave: Mask
     master: Mask
@@ -84,7 +84,8 @@ class Common:
     Attributes:
         facets: local slave facets owned by this rank.
         cover: covered parts of these facets.
-        places: opposing points of the nodes at their own positions, where these exist.
+        places: point of the master opposite to each node itself, without averaging; only for nodes
+            that have one.
     """
 
     facets: Indices
@@ -98,8 +99,9 @@ class Opposite:
 
     Attributes:
         nodes: global master nodes opposite to the local slave nodes, in their order, shape (m, k).
-        weights: weights of these nodes, shape (m, k); padded with arbitrary nodes of weight 0.
-        none: mask of the local nodes without an opposing point, or opposite to themselves.
+        weights: weights of these nodes, shape (m, k); rows are padded with arbitrary nodes of
+            weight 0.
+        none: mask of the local nodes that have no opposing point or are their own opposing node.
         areas: covered areas of the local nodes at corners of facets; None if faces match.
         sides: local nodes on slave and master.
         master_facets: local master facets, ghosts included.
@@ -120,17 +122,17 @@ class Opposite:
         return self.common is None
 
     def at(self, nodes: Indices) -> NodeWeights:
-        """Return nodes and weights (..., k) opposite to local nodes of the slave."""
+        """Return master nodes and weights opposite to local slave nodes, shape (..., k) each."""
         rows = np.cumsum(self.sides.slave)[nodes] - 1
         return NodeWeights(self.nodes[rows], self.weights[rows])
 
     def values(self, comm: MPI.Comm, values: Array, *, sizes: bool = False) -> Array:
-        """Return values opposite to the local nodes, 0 off the slave. Collective.
+        """Return values at the opposing points of the local nodes, 0 off the slave. Collective.
 
         Args:
             comm: communicator.
             values: values at the owned nodes, shape (n, ...).
-            sizes: whether the absolute values of the weights are used.
+            sizes: whether weights are replaced by their absolute values.
         """
         slave = self.sides.slave
         found = np.zeros((len(slave), *values.shape[1:]))
@@ -264,7 +266,7 @@ class _BothFaces:
 def _to_surface(
     W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _BothFaces
 ) -> tuple[Array, Array]:
-    """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
+    """Return gaps and normals of a given obstacle at the slave nodes, 0 elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
     turned = on_slave & (dot(shape, normals) < _FACING)
@@ -280,7 +282,10 @@ def _to_surface(
 
 
 def _gaps(faces: _BothFaces, opposite: Opposite) -> Array:
-    """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
+    """Return gaps at local nodes along the normals. Collective.
+
+    Nodes without an opposing point get a large gap.
+    """
     V, x = faces.V, faces.x
     there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local])
     gaps = dot(there - x, faces.normals(V))
@@ -349,9 +354,9 @@ def _matched(faces: _BothFaces) -> Opposite | None:
 
 
 def _facets_differ(faces: _BothFaces) -> bool:
-    """Return whether a facet and the nearest master facet have different areas. Collective.
+    """Return whether any slave facet and the nearest master facet differ in area. Collective.
 
-    Nodes of finer facets lie between the nodes that have an opposing node.
+    If so, one mesh is finer, and its additional nodes have no opposing node.
     """
     sides = []
     for facets, sense in ((faces.slave, 1.0), (faces.master, -1.0)):
@@ -371,7 +376,8 @@ def _facets_differ(faces: _BothFaces) -> bool:
 def _mortar(faces: _BothFaces) -> Opposite:
     """Return the weights of a mortar; see `mortar`. Collective.
 
-    For degree 2 these are the weights at the corners of facets; nodes between them have means.
+    For degree 2 the mortar gives the weights at the corners of facets; midside nodes get means of
+    them.
     """
     V, name, size = faces.V, faces.name, faces.size
     comm = V.mesh.comm
@@ -412,7 +418,7 @@ def _mortar(faces: _BothFaces) -> Opposite:
 def _by_rows(
     faces: _BothFaces, A: PETSc.Mat, areas: Array, common: Common | None = None
 ) -> Opposite:
-    """Return opposing points with the rows of a matrix as weights. Collective.
+    """Return opposing points whose weights are the rows of the matrix A. Collective.
 
     The matrix is destroyed. Its row sums are the areas, except for round-off.
     """

@@ -59,8 +59,7 @@ class DiscretePair(DiscreteSurface):
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Distribute the basis functions of nodes without a multiplier. Collective.
 
-        See `shared_functions`. For faces that do not match these are also the nodes whose jump is
-        fixed.
+        See `shared_functions`. For faces that do not match, nodes with a fixed jump are included.
 
         Raises:
             ValueError: if no node next to a crossing can receive its basis function, or a

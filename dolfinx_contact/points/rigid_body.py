@@ -52,7 +52,8 @@ COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 class RigidKinematics:
     """Motions of a rigid body about a reference point.
 
-    Motions are arrays (k,) of the displacement and the rotation, k = 3 in 2D and 6 in 3D.
+    A motion is an array of the displacement and the rotation, shape (k,), with 3 components in 2D
+    and 6 in 3D.
 
     Attributes:
         about: reference point, shape (dim,).
@@ -68,7 +69,10 @@ class RigidKinematics:
     # -- motions of any size ---------------------------------------------------------------------
 
     def rotation(self, motion: Array) -> Array:
-        """Return the rotation Q (dim, dim) of a motion (k,), or of each motion (n, k)."""
+        """Return the rotation Q, shape (dim, dim), of a motion of shape (k,).
+
+        For n motions, shape (n, k), the result has shape (n, dim, dim).
+        """
         angles = motion[..., self.dim :]
         vector = np.zeros((*angles.shape[:-1], 3))
         if not vector.size:
@@ -78,7 +82,7 @@ class RigidKinematics:
         return turned[..., : self.dim, : self.dim]
 
     def seen(self, x: Array, motion: Array) -> Array:
-        """Return positions (n, dim) in the frame of the moved body.
+        """Return positions in the frame of the moved body, shape (n, dim).
 
         Args:
             x: positions in space, shape (n, dim).
@@ -88,12 +92,15 @@ class RigidKinematics:
         return self.about + (arm[:, None] @ self.rotation(motion))[:, 0]
 
     def carried(self, x: Array, motion: Array) -> Array:
-        """Return displacements (n, dim) of material points x by a motion of any size."""
+        """Return displacements of material points x by a motion of any size, shape (n, dim)."""
         arm = x - self.about
         return motion[: self.dim] + arm @ self.rotation(motion).T - arm
 
     def spin(self, motion: Array) -> Array:
-        """Return L (k, k), which maps rates of the rotation vector to the spin of the body."""
+        """Return L, which maps rates of the rotation vector to the spin of the body.
+
+        Shape (1, 1) in 2D and (3, 3) in 3D.
+        """
         if self.dim == 2:
             return np.eye(1)
         vector = motion[self.dim :]
@@ -106,7 +113,13 @@ class RigidKinematics:
         return np.eye(3) + first * S + second * S @ S
 
     def velocity(self, x: Array, motion: Array, rate: Array) -> Array:
-        """Return velocities (n, dim) of the material points at x for a rate of the motion (k,)."""
+        """Return velocities of the material points at x, shape (n, dim).
+
+        Args:
+            x: positions in space, shape (n, dim).
+            motion: motion of the body, shape (k,).
+            rate: rate of the motion, shape (k,).
+        """
         turning = self.spin(motion) @ rate[self.dim :]
         arm = x - self.about - motion[: self.dim]
         return rate[: self.dim] + self.crossed(turning, arm)
@@ -120,11 +133,11 @@ class RigidKinematics:
     # -- small motions and forces ----------------------------------------------------------------
 
     def field(self, x: Array, motion: Array) -> Array:
-        """Return Phi q, displacements (n, dim) at points (n, dim) by a small motion q."""
+        """Return Phi q, the displacements of points x by a small motion q, shape (n, dim)."""
         return motion[: self.dim] + self.crossed(motion[self.dim :], x - self.about)
 
     def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
-        """Return Phi^T f, the resultant force and the moment about the reference point, (k,).
+        """Return Phi^T f: resultant force and moment about the reference point, shape (k,).
 
         Args:
             x: points of action, shape (n, dim).
@@ -168,7 +181,7 @@ class RigidBody(ReadOnly, Obstacle):
         about: reference point, shape (dim,).
         kinematics: motion of its points.
         components: names of all components.
-        given: load or motion by component.
+        given: prescribed load or motion of each component, by name.
         fixed: mask of the prescribed components, shape (3,) or (6,).
         values: displacement and rotation of the last solution, the start of the next solve, shape
             (3,) or (6,). Each problem should have a rigid body of its own, because the last
@@ -297,7 +310,11 @@ class RigidBody(ReadOnly, Obstacle):
     # -- motions ---------------------------------------------------------------------------------
 
     def moves(self, x: Array) -> Mask:
-        """Return the mask of the displacements that free motions cause at points (n, dim)."""
+        """Return the mask of the displacement components that free motions may change.
+
+        Args:
+            x: points, shape (n, dim).
+        """
         arm = np.linalg.norm(x - self.about, axis=1)
         size = float(np.max(arm, initial=0.0)) or 1.0
         found = np.zeros(x.shape, dtype=bool)
@@ -335,7 +352,7 @@ class Partner:
         """Return displacements relative to the rigid body; unchanged without one.
 
         Args:
-            u: displacement at the first local nodes, shape (n, dim).
+            u: displacement at the first n local nodes, shape (n, dim).
             motion: motion of the rigid body, shape (k,).
         """
         if self.body is None:
@@ -346,10 +363,10 @@ class Partner:
         return rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
 
     def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
-        """Return the derivative of `relative`, rotated with the body.
+        """Return the derivative of `relative`, in the frame that rotates with the body.
 
         Args:
-            u: displacement at the first local nodes, shape (n, dim).
+            u: displacement at the first n local nodes, shape (n, dim).
             motion: motion of the rigid body, shape (k,).
             du: direction of the displacement, shape (n, dim).
             change: direction of the motion, shape (k,).
@@ -366,7 +383,10 @@ class Partner:
         return self.body.kinematics.rotation(motion)
 
     def dragged(self, x: Array) -> Array:
-        """Return present displacements of the rigid body at points (n, dim); 0 without one."""
+        """Return present displacements of the rigid body at points x, shape (n, dim).
+
+        0 if the obstacle is not a rigid body.
+        """
         if self.body is None:
             return np.zeros_like(x)
         rigid, motion = self.body.kinematics, self.body.values
@@ -387,7 +407,13 @@ def number(e: Any) -> float:
 
 
 def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
-    """Return components with their loads or motions; other listed components get the value 0."""
+    """Return loads or motions by component.
+
+    Args:
+        values: loads or motions by component.
+        zeros: further components, whose value is 0.
+        name: name of the body for messages.
+    """
     if values is not None and not isinstance(values, Mapping):
         raise ValueError(
             f"{name}: loads and motions go by component, {{'y': -1.0}}; got {values!r}"

@@ -100,13 +100,20 @@ def crossings(
 
 
 def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
-    """Return the number of edges with the given ends (n, 2) at the owned nodes. Collective."""
+    """Return the number of edges at each owned node. Collective.
+
+    Args:
+        V: displacement space.
+        ends: global nodes at the ends of the edges of this rank, shape (n, 2).
+    """
     owned = V.dofmap.index_map.size_local
     return sums_at_global_places(V.mesh.comm, owned, ends.reshape(-1), np.ones(ends.size))
 
 
 def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
-    """Return the mask of the edges of a rank in or between loops, which have no free end.
+    """Return the mask of the edges of a rank that belong to loops or connect loops.
+
+    Edges with a free end are removed until none is left.
 
     Args:
         parts: ends of the edges by rank, shape (n, 2) each.
@@ -162,7 +169,12 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
 
 
 def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
-    """Return opposing points; marked local nodes get the opposing points at their own position."""
+    """Return opposing points without averaging at marked nodes.
+
+    Args:
+        opposite: opposing points of all nodes.
+        nodes: mask of the local nodes that get the opposing point of their own position.
+    """
     assert opposite.common is not None
     places = opposite.common.places
     chosen = nodes[opposite.sides.slave][:, None]
@@ -183,7 +195,7 @@ def shared(
     idle: Mask,
     areas: Array,
 ) -> tuple[PETSc.Mat, Array, Mask]:
-    """Return means over the enlarged basis functions of the vertices. Collective.
+    """Return the matrix of means over the enlarged basis functions of the vertices. Collective.
 
     Args:
         vertices: scalar P1 space of the slave facets.
@@ -193,9 +205,9 @@ def shared(
         areas: areas of the owned vertices, shape (n,).
 
     Returns:
-        Matrix of the means, in which a distributed vertex has its own row; areas of the enlarged
-        functions of the owned vertices, shape (n,); and the mask of the vertices whose basis
-        function could be distributed.
+        Matrix of the means, in which the row of a vertex with a distributed function is that of the
+        identity; areas of the enlarged functions of the owned vertices, shape (n,); and mask of the
+        vertices whose basis function could be distributed.
     """
     receivers, given = receiving_vertices(vertices, given, idle)
     n = len(areas)

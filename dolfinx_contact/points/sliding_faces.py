@@ -88,7 +88,8 @@ class _Corners(NamedTuple):
     Attributes:
         slave: corners of the slave facets, shape (n, k, dim).
         master: corners of the candidates, shape (m, b, dim).
-        vectors: sums m of area vectors around the local vertices, shape (vertices, dim).
+        vectors: sum m of the area vectors of the facets around each local vertex, shape
+            (vertices, dim).
     """
 
     slave: Array
@@ -100,11 +101,11 @@ class _Pieces(NamedTuple):
     """Common parts p of slave and master facets, with q quadrature points each.
 
     Attributes:
-        facet: slave facets, shape (p,).
-        master: master facets among the candidates, shape (p,).
-        basis: basis of the slave corners at the points, shape (p, q, k).
-        weights: weights of the reference configuration, shape (p, q).
-        places: reference coordinates in the master facets along the slave normals, shape
+        facet: slave facet of each part, shape (p,).
+        master: master facet of each part, an index of the candidates, shape (p,).
+        basis: linear basis of the k slave corners at the points, shape (p, q, k).
+        weights: quadrature weights in the reference configuration, shape (p, q).
+        places: reference coordinates at which the slave normals meet the master facets, shape
             (p, q, dim - 1).
     """
 
@@ -144,12 +145,13 @@ class SlidingFaces:
         slave_nodes: global nodes of the displacement at these corners, shape (n, k).
         found: candidates of the last search.
         searches: number of searches.
-        kept: 1, or 0 for vector components that cancel with their mirror image, shape (vertices,
-            dim).
-        images: factors of sums around vertices by their mirror images, shape (vertices, dim).
+        kept: 0 for vector components that cancel with their mirror image, otherwise 1, shape
+            (vertices, dim).
+        images: factors that add the contributions of mirror images to sums around vertices, shape
+            (vertices, dim).
         removed: removed overlaps of the mesh at the local vertices.
-        lost: in self-contact, mask of the facets that start inside the body without an opposing
-            facet in reach.
+        lost: in self-contact, mask of the facets that start inside the body and have no opposing
+            facet within the search distance.
     """
 
     found: Candidates
@@ -201,11 +203,23 @@ class SlidingFaces:
     # -- nodes -----------------------------------------------------------------------------------
 
     def of_slave(self, values: Array) -> Array:
-        """Return values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
+        """Return values at the corners of the slave facets, shape (n, k, dim).
+
+        Args:
+            values: values at the owned nodes, shape (nodes, dim).
+        """
         return self._facets.at_corners(self._node_exchange.from_owners(values))
 
     def sums(self, facet: Ints, values: Array) -> Array:
-        """Return sums at the local vertices (n, ...) of values of facet corners (p, k, ...)."""
+        """Sum values at facet corners over the parts around each local vertex.
+
+        Args:
+            facet: slave facet of each part, shape (p,).
+            values: values at the corners, shape (p, k, ...).
+
+        Returns:
+            Sums, shape (vertices, ...).
+        """
         return self.vertex_exchange.sums(self.corners[facet], values)
 
     def positions(self, u: Array) -> Array:
@@ -219,24 +233,31 @@ class SlidingFaces:
 
     @cached_property
     def whole(self) -> Candidates | None:
-        """Candidates that pair every slave facet with every master facet; None if too many."""
+        """Candidates that pair each slave facet with each master facet; None for too many pairs."""
         return self.master.whole(len(self.corners))
 
     @property
     def free_to_spin(self) -> Array:
-        """0 on planes of symmetry, where spins cancel with the images, otherwise 1, shape (n,)."""
+        """Factors of the spins at the vertices, shape (vertices,).
+
+        0 on planes of symmetry, where spins cancel with those of the mirror images; otherwise 1.
+        """
         return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
-        """Return derivatives of the area vectors with respect to the corners, (n, dim, k, dim)."""
+        """Return derivatives of area vectors by the corners, shape (n, dim, k, dim)."""
         return self._facets.sense[:, None, None, None] * area_vector_rates(x)
 
     def at_nodes(self, of_facets: Array) -> Array:
-        """Return sums of facet vectors (n, dim) around local vertices, with mirror images."""
+        """Return sums of facet vectors around local vertices, including mirror images.
+
+        Args:
+            of_facets: vectors of the slave facets, shape (n, dim).
+        """
         return self.images * self._facets.around_vertices(of_facets)
 
     def forces(self, facing: Facing, values: Array) -> Array:
-        """Return forces at the owned displacement dofs, flat.
+        """Return forces at the owned displacement dofs as a flat array.
 
         Args:
             facing: opposing parts.
@@ -250,11 +271,12 @@ class SlidingFaces:
     # -- search ----------------------------------------------------------------------------------
 
     def _search(self, x: Array, direction: Array | None) -> None:
-        """Search for candidates if nodes have moved too far since the last search.
+        """Repeat the search for candidates if nodes have moved too far since the last one.
 
         Args:
             x: positions of the local nodes.
-            direction: for self-contact, direction of the slave; None for all pairs of facets.
+            direction: for self-contact, direction that selects the slave facets (`_select_slave`);
+                None for all pairs of facets.
         """
         slave = self._facets.faces(self._facets.at_corners(x))
         now = _Searched(slave.x, x[self.master.places], slave.normals)
@@ -276,16 +298,26 @@ class SlidingFaces:
     def _covered(
         self, slave: Array, master: Array, pairs: Ints, deepest: float | Array, **limits: float
     ) -> Cover:
-        """Return opposing parts of slave and candidates, with their corners at given positions."""
+        """Return the opposing parts of slave facets and candidates.
+
+        Args:
+            slave: corners of the slave facets, shape (n, k, dim).
+            master: corners of the candidates, shape (m, b, dim).
+            pairs: indices of slave facets and candidates that may oppose each other.
+            deepest: largest overlap, see `cover`.
+            limits: other limits of `cover`.
+        """
         mine, theirs = self._facets.faces(slave), self.found.faces(master)
         limits = {"farthest": self._depth, "steep": _STEEP} | limits
         return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
 
     def farthest_behind(self, far: float) -> float:
-        """Return the largest distance of an opposing facet behind the slave in the mesh.
+        """Return the largest distance by which an opposing facet lies behind a slave facet.
+
+        Distances are measured in the undeformed mesh. Collective.
 
         Args:
-            far: distance up to which facets are searched.
+            far: search distance.
         """
         slave = self._facets.faces(self._reference)
         found = self.master.candidates(slave, self._X[self.master.places], far)
@@ -314,7 +346,7 @@ class SlidingFaces:
     # -- self-contact ----------------------------------------------------------------------------
 
     def _select_slave(self, direction: Array) -> None:
-        """Keep the pairs whose slave lies farther along a direction and that are not neighbours.
+        """Select the pairs whose slave lies farther along a direction and that are not neighbours.
 
         Neighbours share a node, or are near each other in the mesh without facing each other there.
         At equal distance the slave is the facet that lies farther along the first coordinate that
@@ -345,10 +377,10 @@ class SlidingFaces:
         return (same & near).any(axis=(1, 2))
 
     def _deepest_of_itself(self) -> Array:
-        """Return the overlap of each facet up to which it does not meet the far side of its body.
+        """Return the largest overlap at which a facet does not meet the far side of its body.
 
-        It is half the thickness T of the body behind it in the mesh, and (d + T)/2 for a facet that
-        starts inside the body at the depth d; shape (n,).
+        It is half the thickness T of the undeformed body behind the facet, or (d + T)/2 for a facet
+        that starts inside the body at the depth d. The result has shape (n,).
         """
         self._search(self._X, None)
         self.searches = 0
@@ -373,7 +405,7 @@ class SlidingFaces:
         return np.minimum(0.5 * (start + thickness), self._depth)
 
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
-        """Return the pairs of facets lying behind each other in the mesh, and distances."""
+        """Return the pairs whose facets lie behind each other in the mesh, and their distances."""
         corners = self._reference, self._found_before
         common = self._covered(*corners, pairs, self._depth, farthest=0.0)
         return np.stack([common.facet, common.other], axis=1), np.abs(_heights(common))
@@ -459,7 +491,13 @@ class SlidingFaces:
         return _Pieces(facet, common.other, basis.values, weights, rule.on_master)
 
     def _signs(self, master: Ints) -> Array:
-        """Return -1 for the components of corners of pieces that are mirror images, otherwise 1."""
+        """Return signs of the vector components at the corners of pieces, shape (p, c, dim).
+
+        They are -1 for components that are mirrored, otherwise 1.
+
+        Args:
+            master: master facet of each piece, an index of the candidates.
+        """
         mirrors = self.found.mirrors[master][:, None]
         mine, theirs = self.corners.shape[1], self.found.nodes.shape[1]
         signs = np.repeat(mirrors, mine + theirs, axis=1)
@@ -470,7 +508,8 @@ class SlidingFaces:
         """Return the values at the local vertices.
 
         Args:
-            sums: sums at the vertices of w, m_ab, w g, w d and of w times both spins.
+            sums: sums at the vertices of w N_a, m_ab, w N_a g, w N_a d and of w N_a times both
+                spins (`sliding_kinematics`).
             m: sums of area vectors around the vertices, shape (n, dim).
             before: unit normals of the last accepted state, shape (n, dim).
             areas: areas of the vertices in the reference configuration, shape (n,).
@@ -497,10 +536,10 @@ class SlidingFaces:
         )
 
     def _measure(self, x: Array, slopes: Array) -> Array:
-        """Return area ratios (p, q) of facets (p, k, dim) and the reference facet.
+        """Return ratios of the areas of facets and of the reference facet, shape (p, q).
 
         Args:
-            x: corners.
+            x: corners, shape (p, k, dim).
             slopes: derivatives of the basis at the points, shape (p, q, k, dim - 1).
         """
         edges = tangents(x, slopes)
@@ -510,7 +549,7 @@ class SlidingFaces:
 
 
 def _heights(common: Cover) -> Array:
-    """Return distances of the midpoints of master facets along the slave normals, by piece."""
+    """Return distances of master from slave midpoints along the slave normal, one per piece."""
     off = common.master.x[common.other].mean(axis=1) - common.slave.x[common.facet].mean(axis=1)
     return dot(off, common.slave.normals[common.facet])
 

@@ -121,8 +121,8 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
     (Poulios and Renard, Comput. Struct. 153, 2015, section 3, with the normals of the slave).
 
     Args:
-        x: starts of the rays, shape (p, q, dim).
-        m: normals at the starts, of any length, shape (p, q, dim).
+        x: starting points of the rays, shape (p, q, dim).
+        m: directions of the slave normals at these points, of any length, shape (p, q, dim).
         y: nodes of the master facets, shape (p, b, dim).
         eta: initial guesses of the reference coordinates, shape (p, q, dim - 1).
     """
@@ -211,16 +211,16 @@ class Nodal:
     """Values at the local vertices of the slave.
 
     Attributes:
-        weight: covered areas W, 0 without an opposing part, shape (n,).
+        weight: covered areas W, 0 at nodes without an opposing part, shape (n,).
         share: weights s of the laws, shape (n,).
-        around: sums of m_ab over the other nodes b, shape (n,).
+        around: sum of m_ab over the other nodes b at each vertex a, shape (n,).
         gap: gaps g, shape (n,).
         slip: slips d along the surface of the last accepted state, shape (n, dim).
         normal: unit normals n, shape (n, dim).
         length: lengths of m, shape (n,).
         before: normals of the last accepted state, shape (n, dim).
         spin: angles psi, 0 in 2D, shape (n,).
-        apart: angles psi_slave - psi_master between the faces, 0 in 2D, shape (n,).
+        apart: relative rotations psi_slave - psi_master of the faces, 0 in 2D, shape (n,).
     """
 
     weight: Array
@@ -306,7 +306,7 @@ class RayRates(NamedTuple):
     """Changes of the rays, or their derivatives, shape (p, q, ...).
 
     Attributes:
-        place: changes of the places eta, shape (p, q, dim - 1, ...).
+        place: changes of the reference coordinates eta, shape (p, q, dim - 1, ...).
         gap: changes of the gaps, shape (p, q, ...).
     """
 
@@ -318,19 +318,20 @@ class RayRates(NamedTuple):
 class Facing:
     """Opposing parts p of slave and master, with q quadrature points each.
 
-    Each part has c corners: a of its slave facet, and b of its master facet.
+    In shapes, a is the number of corners of a slave facet, b that of a master facet, and c = a + b.
 
     Attributes:
-        found: candidates.
-        facet: slave facets, shape (p,).
-        master: master facets among the candidates, shape (p,).
-        nodes: global nodes at the corners of both, shape (p, c).
-        signs: -1 for the components of corners that are mirror images, otherwise 1, (p, c, dim).
+        found: candidates of the last search.
+        facet: slave facet of each part, shape (p,).
+        master: master facet of each part, an index of the candidates, shape (p,).
+        nodes: global nodes at the corners of both facets, slave first, shape (p, c).
+        signs: signs of the vector components at the corners, -1 if mirrored, otherwise 1, shape
+            (p, c, dim).
         basis: basis N_a at the points, shape (p, q, a).
         areas: weights w of the reference configuration, shape (p, q).
         rays: rays at the points.
         along: R_aq (I - n_o n_o^T) Y_o of the last accepted state, shape (p, q, a, dim, dim - 1).
-        spins: derivatives of psi with respect to the corners of both, shape (p, c, dim).
+        spins: derivatives of psi with respect to the corners of both facets, shape (p, c, dim).
         nodal: values at the vertices.
     """
 
@@ -353,12 +354,12 @@ class Facing:
 
     @cached_property
     def jumps(self) -> Array:
-        """Weights of the corners in the jumps at the points, shape (p, q, c)."""
+        """Weights of the corners in the jumps at the quadrature points, shape (p, q, c)."""
         return np.concatenate([self.basis, -self.rays.weights], axis=2)
 
     @property
     def mass(self) -> Array:
-        """Contributions to m_ab, 0 for a = b, shape (p, a, b)."""
+        """Contributions of each part to m_ab, 0 for a = b, shape (p, a, a)."""
         found = self.weighted @ self.basis
         return found * (1.0 - np.eye(found.shape[1]))
 
@@ -375,7 +376,10 @@ class Facing:
         return RayRates(found[..., :-1], found[..., -1])
 
     def slopes(self) -> RayRates:
-        """Return the derivatives of `moved` with respect to v and m, (p, q, ..., c + a, dim)."""
+        """Return the derivatives of `moved` with respect to v and m.
+
+        The last two axes have shape (c + a, dim).
+        """
         rays = self.rays
         by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)
         parts = (rays.inverse, self.jumps), (by_m, self.basis)

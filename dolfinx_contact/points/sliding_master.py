@@ -31,10 +31,10 @@ class Candidates:
     """Master facets found by a search, and their pairs with slave facets.
 
     Attributes:
-        nodes: global nodes of the master facets, each facet once, shape (n, b).
+        nodes: global nodes at the b corners of the master facets, each facet once, shape (n, b).
         senses: signs of their area vectors, shape (n,).
-        mirrors: 1, or -1 along axes across which facets are images of the facets with these nodes,
-            shape (n, dim).
+        mirrors: sign of each axis, -1 if the facet is the mirror image of the facet with these
+            nodes across a plane normal to the axis, otherwise 1, shape (n, dim).
         pairs: indices of slave and master facets, shape (pairs, 2).
     """
 
@@ -44,12 +44,18 @@ class Candidates:
     pairs: Ints
 
     def faces(self, x: Array) -> Faces:
-        """Return the master facets at positions of their corners, shape (n, b, dim)."""
+        """Return the master facets with their corners at positions x, shape (n, b, dim)."""
         return Faces(x, unit(self.senses[:, None] * area_vectors(x)), self.nodes)
 
 
 def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
-    """Return candidates from keys of facets, shape (n, dim + 1 + b), and pairs of facets."""
+    """Return candidates from keys and pairs of facets.
+
+    Args:
+        keys: columns of `Master._keys`, shape (n, dim + 1 + b).
+        pairs: indices of slave and master facets, shape (pairs, 2).
+        dim: spatial dimension.
+    """
     signs = keys[:, : dim + 1].astype(np.float64)
     return Candidates(keys[:, dim + 1 :], signs[:, dim], signs[:, :dim], pairs)
 
@@ -73,7 +79,7 @@ class Master(MovingFacets):
         self._mirrors: Array = np.array(list(product(*signs)))
 
     def candidates(self, slave: Faces, x: Array, depth: float, skin: float = 0.0) -> Candidates:
-        """Return the facets and images that normals of the slave meet. Collective.
+        """Return the master facets and mirror images that slave normals may meet. Collective.
 
         Args:
             slave: slave facets of this rank.
@@ -95,13 +101,17 @@ class Master(MovingFacets):
         return _candidates(found["key"], pairs, self._dim)
 
     def _keys(self, facets: Ints, mirror: Array) -> Ints:
-        """Return signs of the axes, -1 if mirrored, senses and nodes of images, in columns."""
+        """Return keys of mirror images, one row per facet.
+
+        The columns are the signs of the axes, -1 if mirrored, the sign of the area vector, and the
+        nodes.
+        """
         signs = np.broadcast_to(mirror, (len(facets), self._dim))
         senses = np.prod(mirror) * self.sense[facets]
         return np.column_stack([signs, senses, self.nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
-        """Return the vectors to be added to mirrored positions of images, shape (m, dim)."""
+        """Return the vectors that shift mirrored positions behind their planes, shape (m, dim)."""
         return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def whole(self, slave: int) -> Candidates | None:
@@ -123,7 +133,7 @@ class Master(MovingFacets):
         return _candidates(facets, pairs.astype(np.int64), self._dim)
 
     def at_candidates(self, values: Array, found: Candidates) -> Array:
-        """Return vectors of the owned nodes at the corners of candidates (m, b, dim). Collective.
+        """Return vectors at the corners of candidates, shape (m, b, dim). Collective.
 
         Args:
             values: vectors at the first local nodes, at least the owned ones, shape (n, dim).

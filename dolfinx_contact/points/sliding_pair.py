@@ -60,7 +60,7 @@ class SlidingPair(DiscreteSurface):
     Raises:
         ValueError: on every rank, as `DiscreteSurface`; and if the slave has an edge, two faces
             share a node, the master lies behind the slave, the bodies overlap by more than is
-            allowed, or the law needs the whole slip.
+            allowed, or the law needs the total slip.
     """
 
     points: SlidingPoints
@@ -161,7 +161,7 @@ class SlidingPair(DiscreteSurface):
 
 
 def _check_law(law: LawAtPoints, name: str) -> None:
-    """Raise ``ValueError`` if a law needs more than increments of slip. Not collective."""
+    """Raise ``ValueError`` if a law needs more than slip increments. Not collective."""
     compiled = law.compiled
     for what, has in (
         ("averages the pressure around points", law.law.averaging is not None),
@@ -319,7 +319,7 @@ class SlidingPoints(NodePoints):
         return [self.opposite.depth, *planes, float(f"{taken:.6g}")]
 
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
-        """Return B at a displacement; the last one is kept. Collective.
+        """Return B at a displacement; the last B is cached in `known`. Collective.
 
         Args:
             u: displacement at the first local nodes, at least the owned ones, shape (n, dim).
@@ -344,7 +344,7 @@ class _Change(NamedTuple):
     """Change of both faces.
 
     Attributes:
-        corners: displacements of the corners of both facets at p parts, shape (p, c, dim).
+        corners: displacements of the c corners of both facets of the p parts, shape (p, c, dim).
         vectors: changes of the sums m of area vectors around vertices, shape (vertices, dim).
     """
 
@@ -359,7 +359,7 @@ class SlidingOperator(Operator):
     Attributes:
         faces: facets of slave and master.
         facing: opposing parts of both faces.
-        number: number of contact points, the owned vertices of the slave.
+        number: number of contact points, which are the owned vertices of the slave.
         x: positions of the corners of the slave facets, shape (n, k, dim).
     """
 
@@ -379,7 +379,10 @@ class SlidingOperator(Operator):
 
     @property
     def facets_passed(self) -> Array:
-        """Slips since the last accepted state in facets that were opposite then, shape (n,)."""
+        """Slips since the last accepted state, relative to the facet size, shape (n,).
+
+        The facets are those that were opposite at that state.
+        """
         facing = self.facing
         sizes = np.linalg.norm(facing.along, axis=3).mean(axis=3)
         size = self._means(np.einsum("paq,pqa->pa", facing.weighted, sizes))
@@ -397,7 +400,11 @@ class SlidingOperator(Operator):
         return (self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
-        """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
+        """Return tractions at the slave corners of pieces, shape (p, a, dim).
+
+        Args:
+            tractions: tractions at the owned points, shape (n, dim).
+        """
         alive = np.where(self.absent[:, None], 0.0, tractions)
         alive = self.faces.vertex_exchange.from_owners(alive)
         return alive[self.faces.corners[self.facing.facet]]
@@ -416,7 +423,11 @@ class SlidingOperator(Operator):
         return self.facing.moved(change.corners, m)
 
     def _means(self, parts: Array) -> Array:
-        """Return weighted means at the local vertices, from parts at corners (p, a, ...)."""
+        """Return weighted means at the local vertices.
+
+        Args:
+            parts: contributions of the slave corners of pieces, shape (p, a, ...).
+        """
         sums = self.faces.sums(self.facing.facet, parts)
         return (self.facing.nodal.inverse * sums.T).T
 
@@ -433,7 +444,7 @@ class SlidingOperator(Operator):
         return triplet_matrix(comm, (self.number, nodes), rows, facing.nodes[:, None], values)
 
     def rate(self, v: Array) -> Array:
-        """Return the derivative of the jumps along v, without the part due to turning normals.
+        """Return the derivative of the jumps along v at fixed normals.
 
         Shape (n, dim).
         """
@@ -455,7 +466,11 @@ class SlidingOperator(Operator):
         return transformed(self.facing.nodal.by_normal, self._change(v).vectors)[: self.number]
 
     def at_quadrature(self, tractions: Array) -> Array:
-        """Return tractions times areas at the points (p, q, dim) from those at the owned points."""
+        """Return tractions times areas at the quadrature points, shape (p, q, dim).
+
+        Args:
+            tractions: tractions at the owned contact points, shape (n, dim).
+        """
         return self.facing.weighted.transpose(0, 2, 1) @ self._at_corners(tractions)
 
     def transpose(self, tractions: Array) -> Array:

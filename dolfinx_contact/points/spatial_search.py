@@ -47,7 +47,7 @@ Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 
 def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return pairs of queries and points of a tree within the distances of the queries."""
+    """Return the pairs of a query and a point of the tree within the distance of the query."""
     return listed_pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
@@ -83,19 +83,18 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
 def around(
     comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = _in_balls
 ) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
-    """Return the points, of any rank, within a distance of each query position. Collective.
+    """Return all points, of any rank, within a distance of each query position. Collective.
 
     Args:
         comm: communicator.
         known: points of this rank.
-        wanted: query positions ``"x"`` and distances ``"reach"`` of this rank, and data for
+        wanted: queries of this rank: positions ``"x"``, distances ``"reach"``, and further data for
             ``select``.
-        select: function that selects pairs of queries and known points of a rank, on that rank;
-            default: all points within the distance.
+        select: function returning pairs of queries and known points, called on the rank of the
+            points; default: all points within the distance.
 
     Returns:
-        Indices of query positions, shape (pairs,), and data of the points found, shape (pairs,
-        ...).
+        Index of the query of each pair, shape (pairs,), and data of its point, shape (pairs, ...).
     """
     questions = []
     for near in _distances_of_boxes(comm, known["x"], wanted["x"])[0]:
@@ -115,7 +114,7 @@ def around(
 
 
 def _distances_of_boxes(comm: MPI.Comm, known: Array, x: Array) -> tuple[Array, Array]:
-    """Return distances of positions from the boxes around the points of all ranks. Collective.
+    """Return distances of positions from the bounding boxes of all ranks. Collective.
 
     Args:
         comm: communicator.
@@ -137,7 +136,7 @@ def _distances_of_boxes(comm: MPI.Comm, known: Array, x: Array) -> tuple[Array, 
 
 
 def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
-    """Return the facets owned by this rank."""
+    """Return the owned facets among ``facets``, with their corners, normals and nodes."""
     domain = V.mesh
     dim = V.mesh.geometry.dim
     owned = owned_facets(domain, facets)
@@ -158,8 +157,8 @@ def facets_along_normals(
 ) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
     """Return master facets, of any rank, that the normals of slave facets may meet. Collective.
 
-    A facet counts if it lies within a given distance in front of or behind the slave facet along
-    the normal and if both facets may overlap perpendicular to the normal.
+    A master facet is returned if it lies within a given distance in front of or behind a slave
+    facet along its normal, and both facets may overlap perpendicular to this normal.
 
     Args:
         comm: communicator.
@@ -167,7 +166,7 @@ def facets_along_normals(
         master: midpoints ``"x"`` of the master facets of this rank, ``"key"`` that identifies a
             facet, shape (m, k), and other data.
         radii: radii of balls around the midpoints that contain the facets, shape (m,).
-        depth: distance along the normal by slave facet, shape (n,).
+        depth: search distance along the normal of each slave facet, shape (n,).
         skin: additional distance.
 
     Returns:
@@ -190,11 +189,11 @@ def facets_along_normals(
 def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
     """Return facets of the master, of any rank, that may oppose slave facets. Collective.
 
-    An opposing facet at an angle of less than 60 degrees is at most twice as far as the nearest one
-    plus half the sizes of both.
+    A facet that opposes a slave facet at an angle of less than 60 degrees is at most twice as far
+    away as the nearest facet plus half the sizes of both.
 
     Returns:
-        Facets, and pairs of numbers of slave and master facets.
+        Master facets, and pairs of indices of slave and master facets, shape (pairs, 2).
     """
     middles, radius = slave.balls
     others, theirs = master.balls
@@ -212,15 +211,15 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
 
 
 def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
-    """Return pairs of rays and balls of this rank in cylinders around the rays.
+    """Return the pairs of a ray and a ball of this rank in the cylinder around the ray.
 
     Rays are bisected, and halves without a ball nearby are dropped. The cost therefore grows with
     the number of balls along the rays, not within their length.
 
     Args:
         tree: centres of the balls of this rank.
-        q: midpoints ``"x"`` of the rays, directions ``"normal"``, half lengths ``"depth"``, and
-            radii ``"across"`` of the cylinders, to which the radii of the balls are added.
+        q: rays: midpoints ``"x"``, directions ``"normal"``, half lengths ``"depth"``, and radii
+            ``"across"`` of their cylinders, to which the radii of the balls are added.
         radii: radii of the balls, shape (m,).
     """
     across = q["across"] + float(radii.max())

@@ -213,7 +213,7 @@ class DiscreteSurface(ReadOnly):
         Args:
             gaps: gaps at the points of this rank, shape (n,).
             vertex_gaps: gaps at the local vertices.
-            where: addition to the name of the surface in the message.
+            where: text appended to the name of the surface in the message.
         """
         overlap = self._overlap
         if np.isfinite(overlap.most):
@@ -259,7 +259,7 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def _anchor(self) -> fem.Constant | None:
-        """Constant that is the centre or a point of the obstacle; None if there is none."""
+        """Constant that defines the centre or a point of the obstacle; None if there is none."""
         anchor = getattr(self.obstacle, "centre", getattr(self.obstacle, "point", None))
         return anchor if isinstance(anchor, fem.Constant) else None
 
@@ -357,7 +357,7 @@ class DiscreteSurface(ReadOnly):
     # -- nodes and points ------------------------------------------------------------------------
 
     def opposite(self, values: Array) -> Array:
-        """Return values opposite to the local nodes, 0 without an opposing point. Collective.
+        """Return values at the points opposite to the local nodes, 0 without one. Collective.
 
         Args:
             values: values at the nodes of the displacement, shape (n, ...), of which the owned ones
@@ -375,7 +375,7 @@ class DiscreteSurface(ReadOnly):
 
     @cached_property
     def parts(self) -> tuple[Ints, int]:
-        """Connected part of the face by point, shape (n,), and number of parts.
+        """Connected part of the face to which each point belongs, shape (n,), and number of parts.
 
         Collective the first time.
         """
@@ -387,7 +387,7 @@ class DiscreteSurface(ReadOnly):
     def gaps_at(self, x: Array) -> Array | None:
         """Return gaps at positions (n, dim) in the frame of the obstacle. Collective.
 
-        None if the obstacle is not known everywhere.
+        None if the obstacle cannot be evaluated at arbitrary positions.
         """
         shape = shape_of(self.obstacle)
         if isinstance(shape, RigidSurface):
@@ -402,7 +402,7 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def _plane(self) -> tuple[Array, float]:
-        """Unit normal n of a flat obstacle, and the value of n.x on its plane. Collective."""
+        """Unit normal n of a flat obstacle, and n.x for the points x of its plane. Collective."""
         points = self.points
         n = points.vertex_normals[:1]
         removed = points.removed_at_vertices
@@ -428,7 +428,8 @@ class DiscreteSurface(ReadOnly):
         """Return displacements of the contact points of this rank, shape (n, dim). Collective.
 
         Args:
-            u: displacement of the local nodes, equal to the Function, shape (nodes, dim).
+            u: displacement of the local nodes, equal to the values of the displacement Function,
+                shape (nodes, dim).
         """
         if self.method != "integral":
             return u[self.points.vertex_trace_dofs[: self.points.number]]
@@ -454,7 +455,7 @@ class DiscreteSurface(ReadOnly):
         return with_memory(self.law_at_points.compiled, memory, self.points.data)
 
     def at_vertices(self, jump: Array) -> GapsAndNormals:
-        """Return gaps and normals at the local vertices after given jumps. Collective.
+        """Return gaps and normals at the local vertices displaced by given jumps. Collective.
 
         Args:
             jump: jumps at the local vertices, shape (n, dim).

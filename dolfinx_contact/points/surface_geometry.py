@@ -53,7 +53,7 @@ class MovingFacets:
     Args:
         V: displacement space.
         facets: local facets owned by this rank.
-        places: local nodes of `V` at the corners of the facets, shape (n, k).
+        places: local nodes of ``V`` at the k corners of each facet, shape (n, k).
 
     Attributes:
         places: local nodes of `V` at the corners, shape (n, k).
@@ -65,7 +65,11 @@ class MovingFacets:
         self.places = places
 
     def at_corners(self, values: Array) -> Array:
-        """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
+        """Return values at the corners, shape (n, k, dim).
+
+        Args:
+            values: values at the local nodes, shape (nodes, dim).
+        """
         return values[self.places]
 
     @cached_property
@@ -85,16 +89,16 @@ class MovingFacets:
 
     @cached_property
     def sense(self) -> Array:
-        """Signs of the area vectors of the corners, 1 if they point outward, shape (n,)."""
+        """Signs of the area vectors computed from the corners, 1 if outward, shape (n,)."""
         outward = facet_normals(self._V.mesh, self._facets)
         return np.sign(dot(area_vectors(self.reference), outward))
 
     def vectors(self, x: Array) -> Array:
-        """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
+        """Return outward area vectors, shape (n, dim), for corners at x, shape (n, k, dim)."""
         return self.sense[:, None] * area_vectors(x)
 
     def faces(self, x: Array) -> Faces:
-        """Return the facets with their corners at given positions, shape (n, k, dim)."""
+        """Return the facets with their corners at positions x, shape (n, k, dim)."""
         return Faces(x, unit(self.vectors(x)), self.nodes)
 
 
@@ -127,12 +131,19 @@ class SurfaceFacets(MovingFacets):
         super().__init__(V, submesh.parent_facets[:owned], trace[self.corners])
 
     def around_vertices(self, of_facets: Array) -> Array:
-        """Return sums of facet vectors (n, dim) around the local vertices. Collective."""
+        """Return sums of facet vectors around the local vertices. Collective.
+
+        Args:
+            of_facets: vectors of the owned facets, shape (n, dim).
+        """
         parts = np.repeat(of_facets[:, None], self.corners.shape[1], axis=1)
         return self.exchange.sums(self.corners, parts)
 
     def simplices(self, u: Array) -> tuple[Array, Ints, Array]:
-        """Return the displaced facets, divided into simplices, for displacements (nodes, dim).
+        """Return the displaced facets, divided into simplices.
+
+        Args:
+            u: displacement of the local nodes, shape (nodes, dim).
 
         Returns:
             Positions of the local vertices (n, dim), vertices of the simplices (m, dim), and
@@ -155,13 +166,13 @@ class SurfaceGeometry:
         vertex_areas: areas, shape (n,).
         circumferences: ratios of swept areas to areas of the section, shape (n,); 1 for bodies that
             are not bodies of revolution.
-        whole: function returning the areas with and without an opposing point.
-        covered: areas with an opposing point, shape (n,); None if all areas have one.
+        whole: function returning the full areas of the vertices, covered or not.
+        covered: areas covered by an opposing face, shape (n,); None if all areas are.
 
     Attributes:
-        vertex_areas: areas with an opposing point, including areas taken over from other vertices.
+        vertex_areas: covered areas, including areas taken over from other vertices, shape (n,).
         circumferences: ratios of swept areas to areas of the section, shape (n,).
-        covered_areas: areas with an opposing point; None if all areas have one.
+        covered_areas: areas covered by an opposing face, shape (n,); None if all areas are.
     """
 
     def __init__(
@@ -181,25 +192,25 @@ class SurfaceGeometry:
 
     @cached_property
     def whole_areas(self) -> Array:
-        """Areas with and without an opposing point, shape (n,)."""
+        """Full areas of the vertices, covered by an opposing face or not, shape (n,)."""
         return self._at_start if self.covered_areas is None else self._whole()
 
     @property
     def covered(self) -> Array:
-        """Fractions of the areas with an opposing point, shape (n,)."""
+        """Fraction of the area of each vertex that an opposing face covers, shape (n,)."""
         if self.covered_areas is None:
             return np.ones(len(self.vertex_areas))
         return np.minimum(self.covered_areas / self.whole_areas, 1.0)
 
     @property
     def facet_size(self) -> float:
-        """Mean size of a facet: the mean area of a vertex in 2D, its square root in 3D."""
+        """Mean size of a facet: in 2D the mean area (length) of a vertex, in 3D its square root."""
         mean = self.mean(self.vertex_areas / self.circumferences)
         return float(mean ** (1 / self._vertices.mesh.topology.dim))
 
     @cached_property
     def facet_widths(self) -> fem.Function:
-        """Sizes of the facets (lengths in 2D, roots of areas in 3D) on their mesh."""
+        """Sizes of the facets (lengths in 2D, roots of areas in 3D), a Function on their mesh."""
         W = fem.functionspace(self._vertices.mesh, ("DG", 0))
         widths = fem.Function(W)
         fem.assemble_vector(widths.x.array, compiled_form(ufl.TestFunction(W) * ufl.dx))
@@ -237,7 +248,7 @@ class DistanceFromFace(NamedTuple):
 
 
 def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array, float]:
-    """Return simplices of facets in the mesh and displaced, on every rank. Collective.
+    """Return undeformed and displaced simplices of facets, on every rank. Collective.
 
     Args:
         V: displacement space.
@@ -245,8 +256,8 @@ def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array
         u: displacement of the local nodes, shape (nodes, dim).
 
     Returns:
-        Corners (2, n, dim, dim) in the mesh and displaced, ordered so that `area_vectors` of the
-        mesh point outward; and the mean size of a facet.
+        Undeformed and displaced corners, shape (2, n, dim, dim), ordered so that the undeformed
+        `area_vectors` point outward; and the mean size of a facet.
     """
     domain, dim = V.mesh, V.mesh.geometry.dim
     owned = owned_facets(domain, facets)
@@ -263,7 +274,12 @@ def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array
 
 
 def distance_from_face(corners: Array, x: Array) -> DistanceFromFace:
-    """Return distances of points (m, dim) from simplices (n, dim, dim). Not collective."""
+    """Return distances of points from a face that consists of simplices. Not collective.
+
+    Args:
+        corners: corners of the simplices, shape (n, dim, dim).
+        x: points, shape (m, dim).
+    """
     cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
     closest = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
     normal = unit(area_vectors(corners[closest.facets]))

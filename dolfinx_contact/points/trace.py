@@ -68,9 +68,9 @@ def cells_of(domain: mesh.Mesh, facets: Indices) -> Indices:
 def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str) -> Indices:
     """Return the local facets of a surface, ghosts included. Collective.
 
-    Each rank may name facets of other ranks' surfaces, such as its ghosts; all ranks then have
-    them. Indices do not identify their mesh: indices of another mesh would be read as facets of
-    this one.
+    A rank may list facets that it does not own, such as ghosts; each listed facet is then returned
+    on every rank that has it. Local indices carry no reference to their mesh: indices from another
+    mesh cannot be detected.
 
     Args:
         domain: mesh of the body.
@@ -109,7 +109,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
 
 
 def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
-    """Return the local facets named by the user, or raise ``ValueError``. Not collective."""
+    """Return the local facets selected by the user, or raise ``ValueError``. Not collective."""
     fdim = domain.topology.dim - 1
     if isinstance(tag, str):
         if not isinstance(facets, NamedTags):
@@ -182,7 +182,13 @@ def outward_normals(V: fem.FunctionSpace, facets: Indices) -> Array:
 
 
 def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> Array:
-    """Return outward normals of local exterior facets (n, dim), unit or area vectors."""
+    """Return outward normals of local exterior facets, shape (n, dim).
+
+    Args:
+        domain: mesh of the body.
+        facets: local exterior facets.
+        unit: True for unit vectors, False for area vectors.
+    """
     dim = domain.geometry.dim
     if not len(facets):  # DOLFINx divides by their number
         return np.zeros((0, dim))
@@ -194,7 +200,12 @@ def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> A
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
-    """Return a linear vector Function with values (vertices, dim), and its direction in UFL."""
+    """Return a P1 vector Function with given values at the vertices, and its direction in UFL.
+
+    Args:
+        domain: mesh.
+        vectors: values, shape (vertices, dim).
+    """
     field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
     field.x.array[:] = vectors.reshape(-1)
     return field, field / ufl.sqrt(ufl.dot(field, field))
@@ -206,11 +217,11 @@ def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
-    """Return the values at global indices, which any rank may own. Collective.
+    """Return values at global indices owned by any rank. Collective.
 
     Args:
         comm: communicator.
-        values: values of this rank, shape (n, ...).
+        values: values at the indices owned by this rank, shape (n, ...).
         places: global indices of the requested values, of any shape.
 
     Returns:
@@ -241,7 +252,7 @@ def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Arra
     Args:
         comm: communicator.
         owned: number of indices owned by this rank.
-        places: global indices of the values, shape (n,), also of other ranks.
+        places: global indices of the values, owned by any rank, shape (n,).
         values: values at these indices, shape (n,).
     """
     sums = PETSc.Vec().createMPI((owned, None), comm=comm)
@@ -256,7 +267,7 @@ def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Arra
 
 
 def vertex_numbers(vertices: fem.FunctionSpace) -> Ints:
-    """Return the numbers of all local vertices in the input of the mesh, shape (n,).
+    """Return the number in the input mesh of each local vertex, shape (n,).
 
     Nodes of touching bodies, and of the two sides of a crack, share their coordinates but not these
     numbers, which do not depend on the number of ranks.
@@ -276,7 +287,7 @@ def vertex_numbers(vertices: fem.FunctionSpace) -> Ints:
 def point_ids(
     vertices: fem.FunctionSpace, cells: Indices | None = None, numbers: Ints | None = None
 ) -> Ints:
-    """Return keys distinguishing contact points at one place, on any number of ranks.
+    """Return keys that distinguish contact points with equal coordinates, on any number of ranks.
 
     Args:
         vertices: scalar P1 space on a facet submesh.
@@ -285,7 +296,7 @@ def point_ids(
 
     Returns:
         Keys of the points of this rank, shape (n, k): the input number of a vertex followed by
-        zeros, or the sorted numbers of the facet of a Gauss point.
+        zeros, or the sorted input numbers of the vertices of the facet of a Gauss point.
     """
     corners = vertices.dofmap.list
     vertex = vertex_numbers(vertices)
