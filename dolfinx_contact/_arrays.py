@@ -28,8 +28,8 @@ def as_text(value: float, scale: float, digits: int = 6) -> str:
     """Return a number as text; round-off is printed as 0.
 
     Args:
-        value: number.
-        scale: largest magnitude of numbers of the same kind, such as the numbers of a column.
+        value: number to print.
+        scale: magnitude to which round-off is compared, such as the largest magnitude in a column.
         digits: number of significant digits.
     """
     return f"{value if abs(value) > _ROUND_OFF * scale else 0:.{digits}g}"

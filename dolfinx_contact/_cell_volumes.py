@@ -6,13 +6,14 @@ from -1/2 to 1/2. Integration of det dx/dxi term by term gives its volume
 
     [a_1, a_2, a_3] + ([a_1, b_12, b_13] + [b_12, a_2, b_23] + [b_13, b_23, a_3]) / 12,
 
-the area [a_1, a_2] of a quadrilateral, and for a section the integral of the radius r,
+the area [a_1, a_2] of a quadrilateral, and the integral of the radius r over a quadrilateral of the
+meridian section of a body of revolution,
 
     r_0 [a_1, a_2] + (r_1 [a_1, b_12] + r_2 [b_12, a_2]) / 12,
 
-where [...] are determinants; the volume does not depend on c. Determinants are linear in each
-column. Replacing one column at a time by the coefficients of the displacement therefore gives the
-integral of its divergence.
+where [...] are determinants, r_0 is the radius at the midpoint, and r_i = dr/dxi_i there. The
+volume does not depend on c. Determinants are linear in each column. Replacing one column at a time
+by the coefficients of the displacement therefore gives the integral of its divergence.
 
 All expressions must be evaluated at the midpoint of the cell. The coefficients a and b of u follow
 from its gradient and second derivatives at the midpoint, the coefficients of x from the vertices.
@@ -93,7 +94,7 @@ def volumes_of(u: fem.Function, *, revolution: bool = False) -> Volumes:
 
 
 def _of_vertices(domain: Any) -> _Shape:
-    """Return the coefficients of the position."""
+    """Return the coefficients of the position x, computed from the vertices of the cell."""
     dim = domain.geometry.dim
     nodes = ufl.classes.CellVertices(domain)
     corners = [ufl.as_vector([nodes[k, i] for i in range(dim)]) for k in range(2**dim)]
@@ -110,7 +111,7 @@ def _of_vertices(domain: Any) -> _Shape:
 
 
 def _of_displacement(u: fem.Function, x: _Shape) -> _Shape:
-    """Return the coefficients of a displacement."""
+    """Return the coefficients of a displacement, computed from its derivatives at the midpoint."""
     gradient, second = ufl.grad(u), ufl.grad(ufl.grad(u))
     k, m, n = ufl.indices(3)
     a = [gradient * column for column in x.a]
@@ -130,7 +131,7 @@ def _area(p: _Shape, q: _Shape) -> Any:
 
 
 def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the multilinear volume form of a hexahedron for three fields, one per column."""
+    """Return the hexahedron volume as a form linear in three fields, one per column."""
     around = [
         [p.a[0], q.b[0, 1], s.b[0, 2]],
         [p.b[0, 1], q.a[1], s.b[1, 2]],
@@ -141,6 +142,6 @@ def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
 
 
 def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the integral of the radius (field p) over a quadrilateral (columns q and s)."""
+    """Integrate the radius (field p) over a quadrilateral (Jacobian columns q and s)."""
     total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
     return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12

@@ -52,7 +52,7 @@ _HAS_ENTITY_MAP = hasattr(mesh, "EntityMap")  # 0.10
 
 @dataclass(frozen=True)
 class FacetSubmesh:
-    """Mesh of facets and its relation to the parent mesh."""
+    """Mesh of facets, with the maps between its entities and those of the parent mesh."""
 
     mesh: mesh.Mesh
     parent_facets: Indices  # parent facet of each submesh cell, ghosts included
@@ -101,14 +101,14 @@ def tags_of_entities(
 
 
 def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
-    """Return the argument ``entity_maps`` of ``fem.form`` for a form over these submeshes."""
+    """Return the argument ``entity_maps`` of ``fem.form`` for forms on these submeshes."""
     if _HAS_ENTITY_MAP:
         return [s.entity_map for s in submeshes]
     return {s.mesh: s.entity_map for s in submeshes}
 
 
 def facet_integration_entities(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return (cell, local facet) pairs of owned exterior facets, flat, for ``subdomain_data``."""
+    """Return a flat array of (cell, local facet) of owned exterior facets for UFL measures."""
     args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
     if not _HAS_ENTITY_MAP:
         args += (domain.topology.dim - 1,)
@@ -128,11 +128,11 @@ def instantiated(
 
     Args:
         ufcx: compiled form of FFCx.
-        module: compiled module.
+        module: Python module of the compiled form, as returned by the JIT compiler.
         spaces: function spaces of the arguments.
         functions: Functions in the order of ``ufcx``.
         constants: Constants in the order of ``ufcx``.
-        original: UFL form with the integrals of the compiled one.
+        original: UFL form that has the same integrals as the compiled form.
         entity_maps: entity maps (`merge_entity_maps`), or None.
 
     Returns:
@@ -185,7 +185,7 @@ def is_mesh_of(domain: mesh.Mesh, space: Any) -> bool:
 
 
 def dirichlet_value(bc: fem.DirichletBC) -> Any:
-    """Return the value of a Dirichlet condition: the C++ Constant or Function of DOLFINx."""
+    """Return the C++ Constant or Function that holds the values of a Dirichlet condition."""
     value = bc.g
     return getattr(value, "_cpp_object", value)
 
@@ -196,7 +196,7 @@ def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> Indices:
-    """Return the local geometry nodes of every local cell; DOLFINx 0.11 has ``dofmaps`` instead."""
+    """Return the geometry dofmap of the local cells (called ``dofmaps`` in DOLFINx 0.11)."""
     geometry = domain.geometry
     several = getattr(geometry, "dofmaps", None)
     if several is None:

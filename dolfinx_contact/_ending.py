@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Endings of branches, paths and histories: a kind and a sentence with details."""
+"""Reasons why a branch, path or history stopped: a kind, and a sentence with details."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ OTHER_CAUSE = "; the load or other data may have kinks or jumps in gamma there"
 
 
 class Ending(Enum):
-    """Kind of an ending; its value is the default sentence.
+    """Kind of reason why a branch, path or history stopped; its value is a default message.
 
     Only `NO_SOLUTION` is a proof that no solution continues. After `NOT_FOUND` and `NOT_SOLVED` a
     continuation may exist.
@@ -35,22 +35,22 @@ class Ending(Enum):
 
 
 class Ends:
-    """Base class of results with an ending.
+    """Base class of results of a process that may stop, such as a branch or a history.
 
     Attributes:
-        ending: kind of the ending; None as long as the process continues.
-        reason: description of the ending.
+        ending: kind of reason why the process stopped; None while it continues.
+        reason: message with details of the stop; "" while the process continues.
     """
 
     ending: Ending | None
     reason: str
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """Record the ending; the default reason is the sentence of its kind."""
+        """Record why the process stopped; ``reason`` defaults to the message of the kind."""
         self.ending = ending
         self.reason = reason or ending.value
 
     def go_on(self) -> None:
-        """Remove the ending, so that the process can continue."""
+        """Clear the recorded `ending` and `reason`, so that the process can continue."""
         self.ending = None
         self.reason = ""

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled UFL: a cache, and values at points that belong to no quadrature rule.
+"""Cache of compiled UFL forms, and evaluation of UFL at points outside quadrature rules.
 
 A look-up in FFCx's cache lists its folder, which may contain thousands of files. This cache has a
 folder for every first two letters of a signature.
 
 Within a process, a compiled form is found by the signature of the form from which it is derived, so
-that derivatives are neither written out nor signed again. The signature numbers Functions and
-Constants in UFL's order; forms of one signature differ in these and in their mesh only.
+that neither derivatives nor signatures are computed again. In a signature, Functions and Constants
+are numbered in UFL's order; forms with the same signature differ only in these objects and in their
+mesh.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     """Compile a form, reusing the result for another form of the same signature. Collective.
 
     Args:
-        form: UFL form.
+        form: UFL form to compile.
         entity_maps: entity maps of submeshes in the form; default: none.
 
     Raises:
@@ -66,8 +67,8 @@ class _Compiled:
     """Compiled form of FFCx, independent of Functions, Constants and meshes.
 
     Attributes:
-        ufcx: compiled form.
-        module: compiled module.
+        ufcx: compiled form, as returned by the JIT compiler.
+        module: Python module of the compiled form.
         functions: indices of its Functions among the Functions of the original form.
         constants: indices of its Constants among the Constants of the original form.
     """
@@ -95,9 +96,9 @@ def derived_form(
 
     Args:
         name: unique name of the derived form.
-        original: original form.
-        make: function returning the derived form, called unless it is in the cache; its result
-            must depend on the original form only.
+        original: UFL form from which the derived form is made.
+        make: function returning the derived form, called only if the form is not in the cache. Its
+            result must depend on the original form only.
         spaces: function spaces of the arguments; default: spaces of the original form.
         functions: Functions of the derived form, in the order of the Functions of the original
             form; default: Functions of the original form.
@@ -146,14 +147,14 @@ def _place(things: Sequence[Any], thing: Any) -> int:
 
 
 def _tags_agree(form: ufl.Form) -> bool:
-    """Return whether integrals of one kind have the same tags, all on one mesh."""
+    """Return whether all integrals are on one mesh and share MeshTags per integral type."""
     data = form.subdomain_data()
     kinds = [given for tags in data.values() for given in tags.values()]
     return len(data) == 1 and all(each is given[0] for given in kinds for each in given)
 
 
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
-    """Compile a form using the cache of signatures. Collective."""
+    """Compile a form, or load it from the cache folder of its signature. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     ((domain, tags),) = form.subdomain_data().items()
     for kind, given in tags.items():
@@ -177,7 +178,7 @@ def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> 
     """Compile an expression at points of the reference cell. Collective.
 
     Args:
-        e: UFL expression.
+        e: UFL expression to evaluate.
         points: points of the reference cell.
         comm: communicator; default: communicator of the mesh.
     """
@@ -204,7 +205,7 @@ def at_middle(dim: int) -> dict[str, Any]:
 
 
 def is_of_cells(e: Any) -> bool:
-    """Return whether UFL contains volume changes of cells (`_cell_volumes`).
+    """Return whether a UFL expression contains volume changes of cells (`_cell_volumes`).
 
     These are only defined at the midpoints of cells.
     """
@@ -225,7 +226,7 @@ def _at_middle(integral: ufl.Integral) -> bool:
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """Return the form with one-point rules that FFCx would mix replaced by `at_middle`.
+    """Replace the one-point rules that FFCx would mix with other rules by `at_middle`.
 
     Raises:
         ValueError: if FFCx would mix rules and `at_middle` does not help: on facets, where FFCx
@@ -256,7 +257,7 @@ def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
 
 
 def _has_one_point(integral: ufl.Integral) -> bool:
-    """Return whether a given rule has one point, on cells that are not affine."""
+    """Return whether the user's rule for an integral has one point, on non-affine cells."""
     domain = integral.ufl_domain()
     simplex = domain.ufl_cargo().topology.cell_type.name in ("interval", "triangle", "tetrahedron")
     if simplex and domain.ufl_coordinate_element().degree == 1:
@@ -271,7 +272,7 @@ def _has_one_point(integral: ufl.Integral) -> bool:
 
 @contextmanager
 def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
-    """Add a hint on the C compiler to errors of FFCx, on every rank. Collective."""
+    """Context manager: add a hint on the C compiler to errors of FFCx. Collective."""
     # Only rank 0 compiles and receives the error.
     with everywhere(comm, "compiling a form"):
         try:
@@ -298,7 +299,7 @@ def _folder(name: str) -> dict[str, Any]:
 
 
 def point_data(width: int) -> fem.Function:
-    """Return a Function that holds ``width`` numbers, the data of a point, in each cell."""
+    """Return a Function with ``width`` values per cell, which are the data of one point."""
     points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
     element = basix.ufl.element("DG", "interval", 0, shape=(width,))
     return fem.Function(fem.functionspace(points, element))
@@ -338,7 +339,11 @@ class PointValues:
         self._compiled = compiled_expression(ufl.as_vector(self.components), middle, comm)
 
     def __call__(self, columns: Array) -> Array:
-        """Return values (n, components) for the data ``columns``, shape (n, components of w)."""
+        """Return the values of the scalars at n points, shape (n, number of scalars).
+
+        Args:
+            columns: data of the points, shape (n, components of ``w``).
+        """
         n = len(columns)
         chunk = len(self._dofs)
         width = len(self.components)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Geometry: nodes of meshes, order of points, products of vectors by row, area vectors."""
+"""Geometry: nodes of meshes, sorting of points, rowwise vector algebra, area vectors."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def node_positions(V: fem.FunctionSpace) -> Array:
 
 
 def rounded(x: Array) -> Array:
-    """Return coordinates rounded to nine digits of the largest one."""
+    """Round coordinates to nine digits, relative to the largest coordinate."""
     size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
     return np.round(x / size, 9) * size + 0.0
 
@@ -94,7 +94,7 @@ def listed_pairs(lists: Sequence[Sequence[int]]) -> tuple[Ints, Ints]:
 
 
 def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
-    """Return the connected part of each vertex of a graph, shape (count,).
+    """Return the index of the connected component of each graph vertex, shape (count,).
 
     Args:
         count: number of vertices.
@@ -109,7 +109,7 @@ def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
 
 
 def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
-    """Return the curves formed by facets in 2D, in the order of their smallest vertices.
+    """Return the curves formed by facets in 2D, sorted by the smallest vertex of each.
 
     An open curve begins at the end with the smaller number. A closed curve begins and ends at its
     vertex with the smallest number.
@@ -140,7 +140,7 @@ def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
 
 
 def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
-    """Return the order by x, then y, then z, up to round-off.
+    """Return the indices that sort points by x, then y, then z, ignoring round-off.
 
     Args:
         x: positions, shape (n, dim).
@@ -154,7 +154,7 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
 
 def _grouped(values: Array, least: float) -> Ints:
-    """Return ordinal numbers of values; neighbours that differ by at most ``least`` are equal."""
+    """Return the ranks of values in sorted order; a step of at most ``least`` is a tie."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: Ints = np.zeros(len(values), dtype=np.int64)
@@ -191,11 +191,11 @@ class Gathered:
         return len(self.positions)
 
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return the values at all points, in order, given the values on each rank. Collective."""
+        """Gather the values at the points of each rank, and return them in order. Collective."""
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Return several arrays by name, each as in `__call__`. Collective."""
+        """Gather several arrays by name, each like `__call__`. Collective."""
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
@@ -207,27 +207,27 @@ class Gathered:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Return the scalar products of vectors (..., dim), shape (...)."""
+    """Return the scalar products of vectors of shape (..., dim)."""
     return np.einsum("...i,...i->...", a, b)  # twice as fast as a sum of products
 
 
 def tangential(v: Array, n: Array) -> Array:
-    """Return the parts of vectors (..., dim) perpendicular to unit vectors n (..., dim)."""
+    """Project vectors onto the planes with unit normals n; shape (..., dim)."""
     return v - dot(v, n)[..., None] * n
 
 
 def transformed(A: Array, v: Array) -> Array:
-    """Return the products of matrices (..., i, j) and vectors (..., j), shape (..., i)."""
+    """Multiply matrices, shape (..., i, j), by vectors, shape (..., j); shape (..., i)."""
     return (A @ v[..., None])[..., 0]
 
 
 def unit(v: Array) -> Array:
-    """Normalise vectors (..., dim); zero vectors remain zero."""
+    """Normalise vectors of shape (..., dim); zero vectors remain zero."""
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _TINY)
 
 
 def unit_rates(n: Array, length: Array) -> Array:
-    """Return the derivatives of unit vectors n = m / |m| with respect to m, (..., dim, dim).
+    """Differentiate unit vectors n = m / |m| with respect to m; shape (..., dim, dim).
 
     Args:
         n: unit vectors, shape (..., dim).
@@ -238,12 +238,12 @@ def unit_rates(n: Array, length: Array) -> Array:
 
 
 def plane_tangents(n: Array) -> Array:
-    """Return the tangents t = (-n_y, n_x) of unit normals in 2D, shape (m, 2)."""
+    """Return the tangents t = (-n_y, n_x) for m unit normals n in 2D, shape (m, 2)."""
     return np.stack([-n[:, 1], n[:, 0]], axis=1)
 
 
 def unit_tangents(n: Array) -> Array:
-    """Return orthonormal tangents of unit normals as columns, shape (m, dim, dim - 1)."""
+    """Return orthonormal tangents for m unit normals, as columns, shape (m, dim, dim - 1)."""
     if n.shape[1] == 2:
         return plane_tangents(n)[:, :, None]
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
@@ -252,12 +252,12 @@ def unit_tangents(n: Array) -> Array:
 
 
 def along_tangent(v: Array, n: Array) -> Array:
-    """Return the components of vectors (m, 2) along `plane_tangents`, shape (m,)."""
+    """Return the components of m vectors v in 2D along `plane_tangents` of n, shape (m,)."""
     return v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1]
 
 
 def in_space(vectors: Array) -> Array:
-    """Return vectors (m, dim) with three components; the component along z is 0 in 2D."""
+    """Return m vectors with three components, shape (m, 3); in 2D the z-component is 0."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
@@ -267,15 +267,25 @@ def ratio(a: Array, b: Array) -> Array:
 
 
 def balls(x: Array) -> tuple[Array, Array]:
-    """Return centres (n, dim) and radii of balls around facets with corners x (n, k, dim)."""
+    """Return one ball around each of n facets.
+
+    Args:
+        x: corners of the facets, k per facet, shape (n, k, dim).
+
+    Returns:
+        Centres, shape (n, dim), and radii, shape (n,).
+    """
     middles = x.mean(axis=1)
     return middles, np.linalg.norm(x - middles[:, None], axis=2).max(axis=1, initial=0.0)
 
 
 def area_vectors(x: Array) -> Array:
-    """Return area vectors (n, dim) of facets with corners x, shape (n, k, dim).
+    """Return the area vectors of n facets, shape (n, dim).
 
     The order of the corners determines the orientation.
+
+    Args:
+        x: corners of the facets, k per facet, shape (n, k, dim).
     """
     if x.shape[2] == 2:
         along = x[:, 1] - x[:, 0]
@@ -285,7 +295,7 @@ def area_vectors(x: Array) -> Array:
 
 
 def area_vector_rates(x: Array) -> Array:
-    """Return the derivatives of `area_vectors` with respect to the corners, (n, dim, k, dim)."""
+    """Differentiate `area_vectors` with respect to the corners; shape (n, dim, k, dim)."""
     n, k, dim = x.shape
     rates = np.zeros((n, dim, k, dim))
     if dim == 2:
@@ -305,14 +315,17 @@ def area_vector_rates(x: Array) -> Array:
 
 
 def edges_of(x: Array) -> tuple[Array, Array]:
-    """Return two edges of triangles, or the diagonals of quadrilaterals in tensor order, in 3D."""
+    """Return two edges of each 3D triangle, or both diagonals of each quadrilateral.
+
+    The corners of quadrilaterals are in tensor order.
+    """
     if x.shape[1] == 3:
         return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     return x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
 
 
 def _crossing(v: Array) -> Array:
-    """Return the matrices of the cross products with v, shape (n, 3, 3)."""
+    """Return the matrices C of cross products C w = v x w, shape (n, 3, 3)."""
     upper = np.zeros((len(v), 3, 3))
     upper[:, 0, 1] = -v[:, 2]
     upper[:, 0, 2] = v[:, 1]

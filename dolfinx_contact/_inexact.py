@@ -11,16 +11,16 @@ Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
    shrinks, because the inaccuracy of the solves may cause the changes.
 3. No step is solved more accurately than the tolerance of the whole solve requires.
 
-Within a solve the linear model is tested: H after the present step, in the rows of the contact
-conditions, is the remainder of the linear model. The linear residual need not be reduced further
-below it. (Choice 1 of Eisenstat and Walker compares the two after the solve.)
+Within a linear solve the linear model is tested: its error is H after the present step, in the rows
+of the contact conditions. A linear residual that is smaller than this error need not be reduced
+further. (Choice 1 of Eisenstat and Walker compares the two after the solve.)
 
 *Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns: Newton steps
-of some rows for their own unknowns, with the others held (Lanzkron, Rose and Wilkes, SIAM J. Sci.
-Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber, J. Comput. Math. 27,
-2009). Points at the edge of the contact thus find their status without a step of the whole body. A
-nearly incompressible body with held unknowns is too stiff for this; H then grows considerably, and
-the correction is discarded.
+for some rows and the corresponding unknowns, while all other unknowns are fixed (Lanzkron, Rose and
+Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber,
+J. Comput. Math. 27, 2009). Points at the edge of the contact thus find their status without a step
+of the whole body. A nearly incompressible body with held unknowns is too stiff for this; H then
+grows considerably, and the correction is discarded.
 """
 
 from __future__ import annotations
@@ -45,14 +45,17 @@ class Forcing:
         first: tolerance of the first step, which carries prescribed motions to the surface.
         warm: tolerance of a start close to a solution, where an inaccurate step would change
             statuses that are correct.
-        gamma: factor of the squared reduction.
-        smallest: smallest tolerance.
+        gamma: factor of the squared reduction (F_k / F_(k-1))^2 in the tolerance.
+        smallest: lower bound of all tolerances.
         tightest: smallest tolerance while statuses change.
-        reserve: part of the remaining reduction to which the last step is solved.
-        near: multiple of the target; a step that would end below it is solved to the target.
-        many: share of the contact points whose change counts as many.
+        reserve: tolerance of the last step, relative to the reduction of the residual that is still
+            required.
+        near: multiple of the target residual; a step expected to end below this multiple is solved
+            accurately enough to reach the target.
+        many: share of contact points; if the statuses of more points change in a step, the
+            tolerance is ``largest``.
         patience: steps without a new minimum of the residual before the tolerances shrink.
-        looks: reduction of the linear residual at which the model is tested first.
+        looks: relative linear residual at which the linear model is tested first.
     """
 
     largest: float = 3e-2
@@ -72,11 +75,11 @@ class Forcing:
 
     @classmethod
     def in_motion(cls) -> Forcing:
-        """Return tolerances for time steps, where mass makes systems well conditioned."""
+        """Return tolerances for time steps, whose systems are well conditioned by the mass."""
         return cls(largest=1e-1, first=3e-2, warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
-        """Begin a solve, from a state close to a solution (``warm``) or not."""
+        """Begin a nonlinear solve; ``warm`` indicates that its start is close to a solution."""
         self._cap = self.warm if warm else self.largest  # largest tolerance at present
         self._last = 0.0  # residual of the last step
         self._eta = 0.0  # tolerance of the last step
@@ -95,10 +98,10 @@ class Forcing:
         return True
 
     def tolerance(self, residual: float, target: float, changed: float) -> float:
-        """Return the relative tolerance of the step from a state.
+        """Return the relative tolerance of the linear solve of the next Newton step.
 
         Args:
-            residual: relative residual of the state.
+            residual: relative residual of the present iterate.
             target: relative residual at which the solve ends.
             changed: share of the points whose status changed in the last step.
         """
@@ -121,12 +124,11 @@ class Forcing:
         return self._eta
 
     def suffices(self, reduction: float, remainder: Callable[[], float]) -> bool:
-        """Return whether a solve may end, testing the linear model when it is due. Collective.
+        """Return whether a linear solve may end, testing the linear model if due. Collective.
 
         Args:
             reduction: ratio of the linear residual to H at the beginning of the step.
-            remainder: function returning the ratio of the remainder of the linear model to the
-                same H.
+            remainder: function returning the error of the linear model, divided by the same H.
         """
         if reduction > self._next:
             return False
@@ -149,20 +151,20 @@ def settle(
     d: PETSc.Vec,
     rounds: int,
 ) -> tuple[bool, bool]:
-    """Correct ``x`` in place. Collective.
+    """Correct ``x`` in place until a correction makes H grow considerably. Collective.
 
     Args:
         evaluate: function of (x, b) that writes H(x) into b.
         correct: function of (x, b, d) that stores in d the vector to be subtracted from x and
             returns whether there is a correction.
-        x: unknowns.
+        x: unknowns, which are corrected.
         b: vector for residuals.
         d: vector for corrections.
         rounds: largest number of corrections.
 
     Returns:
-        Whether ``x`` has changed, and whether H was evaluated last at ``x``, not at a state that
-        was rejected.
+        Whether ``x`` has changed; and whether the last evaluation of H was at ``x``, rather than at
+        a rejected state.
     """
     changed = False
     at_x = True

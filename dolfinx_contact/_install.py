@@ -26,7 +26,8 @@ def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str],
 
     Args:
         package: name of the package.
-        modules: public names by module, relative to the package. Modules are attributes, too.
+        modules: public names by module, relative to the package. The modules themselves are also
+            available as attributes.
 
     Returns:
         Function returning an attribute by name. It raises ``ModuleNotFoundError`` with advice if
@@ -59,7 +60,7 @@ def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str],
 def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:
     """Raise ``RuntimeError`` if the launcher of another MPI started N runs of one rank each.
 
-    Without mpi4py, only journals can be read, and nothing is tested.
+    Nothing is checked without mpi4py, because then only journals can be read.
 
     Args:
         environ: environment of this process.

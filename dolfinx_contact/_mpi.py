@@ -115,7 +115,10 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
 
 
 def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
-    """Return the error of the lowest failed rank, on that rank as the same object. Collective."""
+    """Return the error of the lowest failed rank; on that rank, it is the same object.
+
+    Collective. On other ranks it is a copy.
+    """
     sent = None
     if failure is not None:
         where = f"on rank {comm.rank}{f', in {what}' if what else ''}:\n"
@@ -183,7 +186,7 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
 
 
 def _differing_parts(*texts: str) -> list[str]:
-    """Return the parts of long texts around their first difference."""
+    """Shorten long texts to the neighbourhood of their first difference."""
     same = len(os.path.commonprefix(texts))  # noqa: RUF071 (of characters, not of folders)
     begin = max(0, same - _SHOWN // 2)
     return [
@@ -212,9 +215,10 @@ def collective(
         what: description of the call for notes of errors.
         check: function of the arguments by name, called on each rank, that raises ``ValueError``.
             It may replace arguments, for example an iterator by a list. Default: none.
-        compare: function of the validated arguments returning values to compare, by name, instead
-            of arguments of these names or in addition to them. Functions among the values are
-            called. It is called only if there are several ranks. Default: none.
+        compare: function that maps the validated arguments to a dictionary of values to compare. A
+            value replaces the argument of the same name, or is compared in addition to the
+            arguments. If a value is a function, it is called. Used only if there are several ranks.
+            Default: none.
         local: names of arguments that may differ between ranks, such as indices of facets.
     """
 
@@ -263,7 +267,7 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
 
 
 class _Words(str):
-    """Text shown instead of a value in messages."""
+    """Text shown in messages in place of the value of an argument."""
 
     __slots__ = ()
 
@@ -275,7 +279,7 @@ _GIVEN = _Words("given")
 
 
 def _comparable(value: Any) -> Any:
-    """Return the value by which an argument is compared, or a marker of its presence."""
+    """Return the value used to compare an argument, or a marker that it is present."""
     if isinstance(value, np.generic | np.ndarray) and value.dtype != object:
         value = value.tolist()
     if isinstance(value, float):
@@ -338,7 +342,7 @@ class SharedValues:
         """Return the sums of contributions of all ranks. Collective.
 
         Args:
-            places: local indices, any shape.
+            places: local indices of the index map at which values are added, any shape.
             parts: contributions at these indices, shape (*places.shape, *s) with any shape s.
 
         Returns:
@@ -356,7 +360,7 @@ class SharedValues:
         return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:
-        """Return values at all local indices (n, *s), given the owned values. Collective."""
+        """Return values at all local indices, shape (n, *s), from the owned values. Collective."""
         shape = values.shape[1:]
         v, rows = self._rows(shape)
         owned = self.index_map.size_local
@@ -365,7 +369,7 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
-        """Return a vector for values of this shape, and a view of its rows, shape (n, entries)."""
+        """Return a vector for values of this shape, and a view of it, shape (n, entries)."""
         width = int(np.prod(shape, dtype=int))
         v = self.zeros(width)
         return v, v.array.reshape(self._size, width)
@@ -374,7 +378,8 @@ class SharedValues:
 def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
     """Return sums over all ranks of numbers of any shape, as floats. Collective.
 
-    Sums of empty arrays may be integers on some ranks, and MPI would mix the types.
+    Values are converted to floats, because sums of empty arrays may be integers on some ranks, and
+    MPI would mix the types.
     """
     local = np.ascontiguousarray(values, dtype=np.float64)
     sums = np.empty_like(local)
@@ -391,7 +396,7 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
 
 
 def sorted_rows(comm: MPI.Comm, rows: Array) -> list[list[float]]:
-    """Return the rows (n, k) of all ranks in lexicographic order. Collective."""
+    """Gather rows of shape (n, k) from all ranks, in lexicographic order. Collective."""
     return sorted(row for part in comm.allgather(rows.tolist()) for row in part)
 
 
@@ -429,7 +434,7 @@ def anywhere(comm: MPI.Comm, *flags: bool) -> list[bool]:
 
 
 def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:
-    """Return the entrywise maximum and propagate NaN, unlike the maximum of MPI."""
+    """MPI operation: entrywise maximum that propagates NaN, unlike ``MPI.MAX``."""
     target = np.frombuffer(other, dtype=np.float64)
     np.maximum(np.frombuffer(one, dtype=np.float64), target, out=target)
 
@@ -452,7 +457,7 @@ _ALONE = 2  # references to a mesh that nothing else uses: this list, and the ca
 
 
 def keep(domain: mesh.Mesh) -> None:
-    """Keep a reference to a mesh until it is unused and can be freed safely. Collective."""
+    """Keep a mesh alive until it is unused and all ranks can free it together. Collective."""
     if _collected not in gc.callbacks:
         gc.callbacks.append(_collected)
     _free()

@@ -159,7 +159,10 @@ def _is_read(key: str) -> bool:
 
 
 def in_database(prefix: str) -> dict[str, str]:
-    """Return the options of the database under a prefix, without it; none for an empty prefix."""
+    """Return the options in the database that begin with a prefix, named without the prefix.
+
+    The result is empty for an empty prefix.
+    """
     if not prefix:
         return {}
     everything = PETSc.Options().getAll()
@@ -171,8 +174,8 @@ class ProblemOptions:
 
     Args:
         prefix: prefix of the options.
-        given: options of the user, named without the prefix, which may be changed later; options in
-            the database take precedence.
+        given: the user's options, named without the prefix; the dictionary may be changed later.
+            Options in the database take precedence.
 
     Attributes:
         prefix: prefix of the options.
@@ -186,7 +189,7 @@ class ProblemOptions:
         self.read: set[str] = set()
 
     def check(self) -> None:
-        """Validate the options given and those of the database under the prefix. Not collective.
+        """Validate the user's options and those in the database under the prefix. Not collective.
 
         Raises:
             ValueError: for a prefix with a dash, names with a dash or the prefix, misspelled names
@@ -220,7 +223,7 @@ class ProblemOptions:
                 one_of(value, name, _SNES_TYPES)
 
     def value(self, name: str) -> str | None:
-        """Return an option from the database or, if missing, of the user; None if unset."""
+        """Return an option: from the database, otherwise from the user; None if it is unset."""
         database = PETSc.Options()
         if database.hasName(self.prefix + name):
             return str(database.getString(self.prefix + name))
@@ -230,7 +233,7 @@ class ProblemOptions:
     def unread(self) -> str:
         """Return a warning about the options of the user that PETSc has not read; "" without any.
 
-        Options of parts that a solve may not need, such as multigrid, are not among them.
+        Options of components that a solve may not use, such as multigrid, are not reported.
         """
         known = {*_OWN, *self.read, *in_database(self.prefix)}
         names = [k for k in self.given if k not in known and not k.startswith(_PARTS)]
@@ -238,7 +241,10 @@ class ProblemOptions:
         return f"PETSc has not read {', '.join(names)}: {reasons}" if names else ""
 
     def beside_newton(self) -> dict[str, str]:
-        """Return the options of the linear solver; the database takes precedence for its kind."""
+        """Return the user's options without those of SNES.
+
+        The option ``linear_solver`` of the database takes precedence.
+        """
         found = {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
         kind = self.value("linear_solver")
         return found if kind is None else found | {"linear_solver": kind}
@@ -271,7 +277,7 @@ def as_raised() -> Iterator[None]:
 
 
 def reasons_of(ksp: PETSc.KSP) -> str:
-    """Return the reasons why KSP, PC and MUMPS ended, by the names of PETSc. Collective."""
+    """Return PETSc's names of the reasons for which KSP, PC and MUMPS stopped. Collective."""
     comm = ksp.comm.tompi4py()
     pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]
@@ -289,7 +295,7 @@ def reasons_of(ksp: PETSc.KSP) -> str:
 
 
 def reason_name(reasons: Any, value: int) -> str:
-    """Return PETSc's name of a reason."""
+    """Return PETSc's name of a converged or diverged reason."""
     names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
     return max(names, key=len, default=str(value))
 
@@ -312,7 +318,7 @@ def destroy(*objects: Any) -> None:
 
 
 def product(A: PETSc.Mat, values: Array) -> Array:
-    """Return the owned entries of A x, for x in the first entries of ``values``. Collective."""
+    """Return the owned entries of A x, where ``values`` begins with x. Collective."""
     x, y = A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
     A.mult(x, y)
@@ -346,7 +352,7 @@ logged = PETSc.Log.Event
 
 @contextmanager
 def staged(name: str) -> Iterator[None]:
-    """Context manager or decorator: a stage of ``-log_view``, or a part of a stage."""
+    """Context manager or decorator that logs a block or function as a stage of ``-log_view``."""
     stage = PETSc.Log.Stage(name)
     stage.push()
     try:
@@ -432,7 +438,7 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
 def triplets(
     A: PETSc.Mat,
 ) -> tuple[Ints, Ints, Array]:
-    """Return global rows, global columns and values of the entries of this rank."""
+    """Return the global row, global column and value of each entry of this rank."""
     indptr, columns, values = A.getValuesCSR()
     first, last = A.getOwnershipRange()
     rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
@@ -440,7 +446,7 @@ def triplets(
 
 
 def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
-    """Return matrices with the same columns stacked rank by rank, AIJ. Collective."""
+    """Stack matrices with the same columns below each other, as AIJ. Collective."""
     nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
     whole = nest.convert("aij", PETSc.Mat())
     nest.destroy()
@@ -459,7 +465,7 @@ def triplet_matrix(
     Args:
         comm: communicator.
         shape: numbers of rows and columns of this rank.
-        rows: global row numbers; they, ``columns`` and ``values`` are broadcast to one shape.
+        rows: global row numbers; ``rows``, ``columns`` and ``values`` are broadcast to one shape.
         columns: global column numbers.
         values: values of the entries.
     """
@@ -494,13 +500,14 @@ class Factor:
         symmetric: whether the matrices are marked symmetric (`marked_symmetric`), which halves the
             work and provides the number of negative eigenvalues; default: False.
         determinant: whether the sign of the determinant is required; default: False.
-        counted: whether vanishing pivots are counted, for singular matrices; default: False.
+        counted: whether MUMPS detects and counts zero pivots, as needed for singular matrices;
+            default: False.
         columns: whether many right-hand sides are solved together; default: False.
         room: additional workspace of MUMPS in percent of its estimate.
 
     Attributes:
-        ksp: linear solver.
-        defaults: options without entries in the database.
+        ksp: linear solver, with the factorisation as preconditioner.
+        defaults: options used unless the database contains other values.
     """
 
     def __init__(
@@ -530,7 +537,10 @@ class Factor:
             self.ksp.setFromOptions()
 
     def options(self) -> AbstractContextManager[None]:
-        """Context with the options in the database; MUMPS reads its options at every set-up."""
+        """Context manager that puts the options into the database.
+
+        It is used at every set-up, because MUMPS reads its options then.
+        """
         return options_in_database(self._prefix, self.defaults)
 
     def factorise(self, A: PETSc.Mat) -> bool:
@@ -555,7 +565,7 @@ class Factor:
         return False
 
     def _lacks_room(self) -> bool:
-        """Return whether MUMPS needs more workspace and may be given more. Collective."""
+        """Return whether MUMPS ran out of workspace that can be increased. Collective."""
         if PETSc.Options().hasName(self._prefix + "mat_mumps_icntl_14"):
             return False
         pc = self.ksp.getPC()

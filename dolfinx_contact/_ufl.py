@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Analysis of UFL expressions: dependence on terminals, coefficients, meshes and content.
 
-The *dependence* of UFL on a Function, a Constant or a variable v is decided symbolically, after
-derivatives have been expanded. UFL has a kink or a jump in v if abs, max_value or min_value contain
-v, or the condition of a conditional does. It is affine in v if it has neither and its derivative
-does not contain v. A vanishing second derivative alone is not a valid test, because it vanishes on
-both sides of a kink; neither are samples.
+The *dependence* of a UFL expression on a Function, a Constant or a variable v is decided
+symbolically, after derivatives have been expanded. The expression has a kink or a jump in v if v
+occurs in abs, max_value, min_value or the condition of a conditional. It is affine in v if it has
+neither and its derivative does not contain v. A vanishing second derivative is not a valid test,
+because it vanishes on both sides of a kink; evaluation at samples is not valid either.
 
 max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a condition c, which counts as a kink
 although its values are continuous.
@@ -47,7 +47,9 @@ _LONGEST = 120  # largest number of characters of a node in a message
 
 
 def depends_on(e: Any, *terminals: Any) -> bool:
-    """Return whether a form or expression, with expanded derivatives, contains a terminal.
+    """Return whether a form or expression depends on any of the terminals.
+
+    Derivatives are expanded first.
 
     Args:
         e: UFL expression of any shape, or form.
@@ -116,7 +118,7 @@ class _Replaced(MultiFunction):  # type: ignore[misc]
         self.variable = ufl.variable(terminal)
 
     def expr(self, o: Any, *operands: Any) -> Any:
-        """Return the variable for the terminal, otherwise the node with mapped operands."""
+        """Replace the terminal by the variable; map the operands of all other nodes."""
         return self.variable if o == self._terminal else self.reuse_if_untouched(o, *operands)
 
 
@@ -147,7 +149,7 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
 
     Args:
         expression: UFL expression of any shape, or form.
-        domain: required mesh.
+        domain: mesh to which the expression must belong.
         what: name of the expression in the message.
     """
     required = {domain.ufl_domain()}
@@ -189,7 +191,7 @@ def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
 
 
 def described(value: Any, domain: mesh.Mesh) -> str:
-    """Return the content of an argument as text, equal on ranks passing the same argument.
+    """Describe an argument by a text that is equal on ranks passing the same argument.
 
     UFL is described by the values of its Constants and by its signature, which contains neither the
     counts of UFL's objects nor the values of Functions, which are distributed over the ranks.
@@ -197,7 +199,7 @@ def described(value: Any, domain: mesh.Mesh) -> str:
     Args:
         value: number, UFL expression or form on ``domain``, Dirichlet condition, or any object with
             a `repr`.
-        domain: mesh.
+        domain: mesh to which UFL in the value belongs.
     """
     if isinstance(value, fem.DirichletBC):
         value = dirichlet_value(value)

@@ -125,7 +125,7 @@ def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
     Args:
         value: value to validate.
         name: name of the argument in the message.
-        kind: class.
+        kind: required class.
         hint: addition to the name of the class in the message; default: none.
     """
     if not isinstance(value, kind):
@@ -188,7 +188,7 @@ def word_in_history(value: Any, name: str) -> str:
 
 @contextmanager
 def located(where: str) -> Iterator[None]:
-    """Context manager that prefixes the message of a ``ValueError`` with a location."""
+    """Context manager that prefixes the message of a ``ValueError`` with ``where``."""
     try:
         yield
     except ValueError as error:
@@ -201,10 +201,10 @@ _SEALED = "_sealed"
 
 
 def read_only(advice: str) -> Callable[[type[_T]], type[_T]]:
-    """Return a decorator of frozen dataclasses that adds advice to the error of an assignment.
+    """Return a decorator of frozen dataclasses: errors of assignments then give advice.
 
     Args:
-        advice: remedy for the message, with ``{name}`` in the place of the attribute.
+        advice: text for the message, in which ``{name}`` is replaced by the attribute.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:
@@ -222,10 +222,10 @@ class ReadOnly:
     """Base class whose public attributes are read-only after construction.
 
     An assignment such as ``problem.bcs = []`` would have no effect, because attributes are read
-    only once; it therefore raises an error. Users change the values of Constants and Functions
-    instead, which every solve reads. Exceptions are names with a leading underscore, properties
-    with a setter, names in `_may_be_set`, and methods, because the replacement of a method takes
-    effect.
+    only once. It therefore raises an error. Users change the values of Constants and Functions
+    instead, which are read by every solve. Exceptions are names with a leading underscore,
+    properties with a setter, names in `_may_be_set`, and methods, because the replacement of a
+    method takes effect.
     """
 
     #: Members that the reference lists; None for all.

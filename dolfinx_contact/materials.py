@@ -122,7 +122,7 @@ def materials_in(form: ufl.Form) -> list[Material]:
 
 
 def present_value(scalar: Any) -> float | None:
-    """Return the present value of a number or UFL of Constants; None for any other UFL.
+    """Evaluate a number or a UFL expression of Constants; return None for other UFL.
 
     The value is NaN if it is not a real number, such as the square root of -1 or 1/0.
     """
@@ -147,7 +147,8 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
 
     Args:
         rule: description of the rule.
-        holds: function of the values that evaluates the rule, called if all values are known.
+        holds: function of the values that returns whether the rule is satisfied. It is called only
+            if all present values are known.
         values: numbers or UFL scalars.
     """
     scalars = [is_number(v) or getattr(v, "ufl_shape", None) == () for v in values]
@@ -206,15 +207,15 @@ class Material:
         return self._own(self._law._energy_of(u, self._gradient(u)))
 
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
-        """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
+        """Return the B-bar energy integral for nearly incompressible quads or hexahedra.
 
-        The part growing with lambda depends on the change of volume of the whole cell, which is
-        exact also for distorted cells; the other part is integrated by ``dx``. This is the B-bar
-        method (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177;
-        Hughes, Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains with the
-        ratio of the cell volumes (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engrg. 51,
-        1985, 177-208). In the first part, moduli are evaluated at the centre of the cell.
-        `mean_dilatation_stress` returns the stress.
+        The part of the energy that grows with lambda depends on the change of volume of the whole
+        cell, which is computed exactly, also for distorted cells. The other part is integrated by
+        ``dx``. This is the mean dilatation or B-bar method (Nagtegaal, Parks and Rice, Comput.
+        Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg. 15, 1980,
+        1413-1418), and for large strains with the ratio of the cell volumes (Simo, Taylor and
+        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). In the first part, moduli are
+        evaluated at the centre of the cell. `mean_dilatation_stress` returns the stress.
 
         Args:
             u: displacement (length), of degree 1.
@@ -222,9 +223,10 @@ class Material:
 
         Raises:
             ValueError: if the cells are simplices (use u of degree 2 there), if edges are curved,
-                if u is not Lagrange of degree 1, if ``dx`` is not a cell measure, or if the energy
-                that grows with lambda does not depend on the change of volume only (plane stress,
-                which does not lock, `StVenantKirchhoff`, and user-defined materials).
+                if u is not Lagrange of degree 1, if ``dx`` is not a cell measure, or if the part of
+                the energy that grows with lambda does not depend on the change of volume only
+                (plane stress, which does not lock, `StVenantKirchhoff`, and user-defined
+                materials).
         """
         if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
             raise ValueError(
@@ -262,7 +264,7 @@ class Material:
         return self._own(self._stress_of(u, self._gradient(u)))
 
     def full_stress(self, u: fem.Function) -> Any:
-        """Return the 3 x 3 Cauchy stress, in 2D with the out-of-plane stress, for invariants.
+        """Return the 3 x 3 Cauchy stress, which in 2D includes the out-of-plane stress.
 
         The expression is valid for this material only: for several materials pass one expression
         per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a body with
@@ -288,7 +290,7 @@ class Material:
         self.check_moduli()
 
     def _own(self, expression: Any) -> Any:
-        """Register an energy or stress, by which a problem finds its material; return it."""
+        """Register an expression of this material, so that `materials_in` finds it; return it."""
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
@@ -302,16 +304,16 @@ class Material:
 
     @property
     def _law(self) -> Material:
-        """Material that defines energy and stress as functions of the displacement gradient."""
+        """Material that defines the energy as a function of the displacement gradient."""
         return self
 
     def _gradient(self, u: fem.Function) -> Any:
-        """Return the displacement gradient in the energy."""
+        """Return the displacement gradient H on which the energy depends."""
         _require_displacement(u)
         return ufl.grad(u)
 
     def _gradient_in_space(self, u: fem.Function) -> Any:
-        """Return the displacement gradient, 3 x 3, in stresses."""
+        """Return the 3 x 3 displacement gradient on which the stress depends."""
         H = self._gradient(u)
         return H if len(u) == 3 else _in_space(H, 0)
 
@@ -345,7 +347,7 @@ class Material:
         return self._pushed_forward(ufl.diff(self._energy_of(u, H), H), H)
 
     def _pushed_forward(self, P: Any, H: Any) -> Any:
-        """Return the Cauchy stress from the derivative P of an energy with respect to H."""
+        """Return the Cauchy stress, given P, the derivative of the energy with respect to H."""
         F = _deformation(H)
         return P * F.T / ufl.det(F)
 
@@ -356,7 +358,7 @@ class LinearElastic(Material):
 
     Attributes:
         lmbda: first Lame coefficient of the 3D material.
-        mu: shear modulus.
+        mu: shear modulus, the second Lame coefficient.
         plane_stress: in 2D, plane stress instead of plane strain.
     """
 
@@ -437,7 +439,8 @@ class StVenantKirchhoff(Material):
 class NeoHookean(Material):
     """Compressible neo-Hookean material.
 
-    The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1.
+    The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2 with the deformation gradient F
+    and J = det F. In 2D (plane strain) F_33 = 1.
     """
 
     lmbda: Any
@@ -457,8 +460,13 @@ class NeoHookean(Material):
 class CiarletGeymonat(Material):
     """Ciarlet-Geymonat material (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
 
-    The energy is W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C with b = mu/2 - a,
-    c = lambda/4 - mu/2 + a, d = lambda/2 + mu, shifted so that W(I) = 0; C_33 = 1 in plane strain.
+    The energy, up to a constant, is
+
+        W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C,
+        b = mu/2 - a,    c = lambda/4 - mu/2 + a,    d = lambda/2 + mu,
+
+    with the right Cauchy-Green tensor C = F^T F. The constant is such that W = 0 for F = I. In 2D
+    (plane strain) C_33 = 1.
 
     Attributes:
         lmbda, mu: Lame coefficients at small strain.
@@ -538,7 +546,7 @@ _ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is
 
 
 def _radius(u: Any) -> Any:
-    """Return the radius; raise `ValueError` unless ``u`` is the displacement of a section."""
+    """Return the radius r = x; raise `ValueError` unless ``u`` is a 2D displacement."""
     _require_displacement(u)
     if len(u) != 2:
         raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")

@@ -2,10 +2,10 @@
 """Rigid obstacles: regions that the body must not enter.
 
 At a point x an obstacle defines, in UFL, the gap (the signed distance, positive outside) and the
-unit normal n from the body into the obstacle. With their values at a contact point in the reference
-configuration, the current gap of a point displaced by u is ``gap - u.n``: exact for a flat obstacle
-and any displacement, and correct to first order in u for a curved obstacle (small sliding). In
-large sliding, gap and normal are evaluated at the displaced point (`points.displaced`).
+unit normal n from the body into the obstacle. In small sliding, gap and n are evaluated at the
+contact point in the reference configuration, and a point displaced by u has the current gap
+``gap - u.n``. This is exact for a flat obstacle, and correct to first order in u for a curved one.
+In large sliding, gap and normal are evaluated at the displaced point (`points.displaced`).
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def is_uniform(value: Any) -> bool:
 def _require_uniform(value: Any, what: str) -> None:
     """Raise `ValueError` if the data of an obstacle vary over the body.
 
-    A Function is attached to the points of the body and has no gradient in the position, so that
-    the normal would not be the normal of the intended surface.
+    A Function moves with the points of the body, and UFL does not differentiate it with respect to
+    the displaced position. The normal would therefore be wrong.
     """
     if not is_uniform(value):
         raise ValueError(
@@ -119,7 +119,7 @@ def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
     Args:
         domain: mesh of the body.
         across: vector from the centre or axis to the point.
-        radius: radius.
+        radius: radius of the circle or sphere.
     """
     if not isinstance(radius, ufl.core.expr.Expr):
         radius = fem.Constant(domain, float(radius))
@@ -133,8 +133,8 @@ class Outline(NamedTuple):
     """Surface of facets that bounds an obstacle.
 
     Attributes:
-        points: coordinates of the points, shape (m, dim).
-        cells: indices of the points of each facet, shape (k, dim).
+        points: coordinates of the m points, shape (m, dim).
+        cells: indices of the points of each of k facets, shape (k, dim).
         normals: normals at the points, into the obstacle, shape (m, dim).
     """
 
@@ -148,10 +148,10 @@ class Start(NamedTuple):
 
     Attributes:
         gap: gaps, which open gradually past the rim, shape (n,).
-        height: heights over the extended surface for points past the rim and below it; gaps for
-            other points, shape (n,).
+        height: heights above the extended surface, for points that are past the rim and below it;
+            gaps, for other points; shape (n,).
         normal: normals of the extended surface, into the obstacle, shape (n, dim).
-        held: mask of the points that have not left the obstacle, shape (n,).
+        held: mask of the points that are still on the obstacle, shape (n,).
     """
 
     gap: Array
@@ -165,8 +165,8 @@ class Obstacle:
 
     The data are read when a problem is created. Data that change between two solves must be
     Constants; numbers and arrays are copied. A user-defined obstacle defines `at`. An obstacle that
-    defines only `on` is known in the reference configuration only, which restricts it to small
-    sliding.
+    defines only `on` has a gap and a normal in the reference configuration only, and is restricted
+    to small sliding.
     """
 
     #: Motion opposite to the nodes (`points.opposite.Opposite`); None for rigid obstacles.
@@ -176,7 +176,7 @@ class Obstacle:
 
     @property
     def outline(self) -> Outline | None:
-        """Facets of the surface; None if the surface is given by a formula."""
+        """Facets that bound the obstacle; None if the obstacle is given by a formula."""
         return None
 
     @property
@@ -191,8 +191,8 @@ class Obstacle:
         without a rim return themselves.
 
         Args:
-            face: function returning UFL expressions of the facet sizes of the sliding face and
-                of the overlap removed at the start.
+            face: function returning two UFL expressions: facet sizes of the sliding face, and
+                overlap removed at the start.
         """
         return self
 
@@ -223,14 +223,16 @@ class Obstacle:
 
 
 def known_displaced(obstacle: Obstacle) -> bool:
-    """Return whether an obstacle defines gap and normal at any point."""
+    """Return whether an obstacle defines gap and normal at any point (`Obstacle.at`)."""
     return type(obstacle).at is not Obstacle.at
 
 
 class Measured(ufl.Coefficient):  # type: ignore[misc]
-    """Numerically computed gap and normal at a UFL point, as UFL functions of the point.
+    """Gap and normal that are computed numerically, as UFL functions of a UFL point.
 
-    An evaluator (`points.evaluators`) measures them at the position x_0 of each contact point, and
+    An evaluator (`points.evaluators`) computes gap g and normal n at the position x_0 of each
+    contact point, and their derivatives dg and dn with respect to the position. The UFL functions
+    are
 
         gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
 
@@ -239,14 +241,14 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
     Args:
         domain: mesh of the body.
         x: UFL vector, the point.
-        measure: function of points (n, dim) returning g (n,), dg (n, dim), n (n, dim) and
-            dn (n, dim, dim).
-        more: UFL scalars whose values (n,) are additional arguments of ``measure``.
+        measure: function mapping m points, shape (m, dim), to g, dg, n and dn, with the shapes
+            (m,), (m, dim), (m, dim) and (m, dim, dim).
+        more: UFL scalars whose values, shape (m,), are additional arguments of ``measure``.
 
     Attributes:
         at: UFL vector of the point and ``more``.
-        gap: UFL scalar.
-        normal: UFL vector.
+        gap: gap at ``x``, a UFL scalar.
+        normal: normal at ``x``, a UFL vector.
     """
 
     def __new__(cls, *_: Any) -> Measured:
@@ -277,9 +279,13 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         self.normal = normal + ufl.dot(turn, x - there)
 
     def values(self, taken: Array) -> Array:
-        """Return the components (n, components) of gap and normal. Not collective.
+        """Return all components of gap, normal and derivatives at m points. Not collective.
 
-        ``taken`` are the values of `at` at n points.
+        Args:
+            taken: values of the components of `at` at the points.
+
+        Returns:
+            Values, shape (m, components).
         """
         if self._last is None or not np.array_equal(self._last[0], taken):
             x, more = np.split(taken, [self._dim], axis=1)
@@ -328,7 +334,7 @@ class Sphere(Obstacle):
     """Rigid ball; a rigid disc in 2D.
 
     Contact is enforced at contact points. A ball smaller than a facet can pass between contact
-    points, which causes a warning: refine the face there.
+    points. A warning is then logged, and the facets near the ball should be refined.
 
     Attributes:
         centre: centre; numbers, which are copied, or a Constant.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A contact problem with a parameter, as a system for continuation.
+"""Contact problem with a parameter, as a system for continuation.
 
 The parameter gamma is a Constant of the user's forms: a load factor, a material or friction
 coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
@@ -82,9 +82,10 @@ def _described(a: Arguments) -> dict[str, Any]:
 class ParametricContact(ReadOnly, ParametricEquations):
     """Contact problem H(x, gamma) = 0 with a parameter, as a system for continuation.
 
-    A piece of H is defined by the statuses of the contact points (`laws.status`): 0 open, 1 stick,
-    2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip. With a prescribed friction bound,
-    codes 4 to 6 are the tangential statuses 1 to 3 at open points.
+    H is piecewise smooth, and each piece corresponds to one combination of statuses of the contact
+    points. The status codes (`laws.status`) are 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with
+    u_t < 0; in 3D, 2 is slip. With a prescribed friction bound, codes 4 to 6 are the tangential
+    statuses 1 to 3 at open points.
 
     Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
     `set_parameter` before `ContactProblem.solve`. The remaining methods are documented in
@@ -100,8 +101,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
             gamma and the position. The Function must not occur elsewhere.
 
     Attributes:
-        proof_seconds: time limit in seconds of a proof that all rays out of a point have been
-            found, for each sense of gamma; 0 for no proof, default 10. The attribute is writable.
+        proof_seconds: time limit in seconds for the proof that all solution rays out of a point
+            have been found. It applies separately to increasing and decreasing gamma; 0 disables
+            the proof. Default: 10. The attribute is writable.
 
     Raises:
         ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh, does not occur
@@ -159,7 +161,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
-        """Set gamma in the forms and the Dirichlet data, for a solve at this value. Collective.
+        """Set gamma in the forms and Dirichlet data, before a solve at this value. Collective.
 
         Raises:
             ValueError: on every rank, if gamma is not a finite number or differs between ranks.
@@ -167,7 +169,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._set(gamma)
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ParametricContact:
-        """Return the same system with another memory of the contact points. Collective.
+        """Return the same system with a different memory of the contact points. Collective.
 
         The copy is shallow, see `ContactProblem.with_memory`.
 
@@ -226,7 +228,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """Return the result at a point; write the point to the Functions. Collective.
 
         The statuses of the piece of the point are used, even if the point lies on a border. Its
-        warnings are logged unless a point of this system has given the same ones before.
+        warnings are logged, except those that were already logged for another point of this system.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
@@ -246,7 +248,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return replace(result, indicators=replace(result.indicators, apart=None))
 
     def state_at(self, point: BranchPoint | Solution) -> State:
-        """Return the state of a point of a branch or of a solution, with its gamma. Collective.
+        """Return the state, with its gamma, at a point of a branch or at a solution. Collective.
 
         The Functions, gamma and the driven Functions are not changed.
 
@@ -260,7 +262,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return replace(state, gamma=point.gamma)
 
     def _unknowns(self, point: BranchPoint | Solution) -> PETSc.Vec:
-        """Return a copy of the unknowns x of a point."""
+        """Return a copy of the unknowns x at a point of a branch."""
         x = self.create_vector()
         y = point.x if isinstance(point, Solution) else point.y  # y also has gamma
         x.array[:] = y.array_r[: x.getLocalSize()]
@@ -289,17 +291,18 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- affine pieces ---------------------------------------------------------------------------
 
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
-        """Return the problem condensed onto its contact points, linearised at (x, gamma).
+        """Condense the problem, linearised at (x, gamma), onto its contact points.
 
         The result is None if the statuses of the points are not polyhedral cones (3D friction,
         integral contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there
-        are too many points. In 3D with ``conic=False``, it is a linear problem. Collective.
+        are too many points. With ``conic=False``, 3D friction is accepted; the result is then a
+        linear problem. Collective.
 
         Args:
-            x: state.
-            gamma: parameter.
-            conic: whether cones are required; if so, the result is None for a prescribed friction
-                bound, too.
+            x: unknowns at which the problem is linearised.
+            gamma: parameter at which the problem is linearised.
+            conic: whether statuses must be polyhedral cones; if so, the result is also None for a
+                prescribed friction bound.
         """
         if self.kinks:
             return None
@@ -323,7 +326,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return self._condensed
 
     def _condensed_at(self, gamma: float) -> Reduction | None:
-        """Return the condensed problem at one gamma; forms may be nonlinear in gamma.
+        """Condense the problem at a fixed gamma, in which the forms may be nonlinear.
 
         The result is None if the body is not linear, or the problem cannot be condensed.
         Collective.
@@ -386,7 +389,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         cone: AffineSystem,
         known: Sequence[tuple[Codes, float]],
     ) -> RayProof | None:
-        """Compute all rays of a tangent cone, with a proof (`proofs.rays`). Collective.
+        """Compute all solution rays in a tangent cone, with a proof (`proofs.rays`). Collective.
 
         The result is None for laws other than frictionless contact and Coulomb friction, for more
         than 128 contact points, and if `proof_seconds` is 0.
@@ -403,7 +406,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- pieces ----------------------------------------------------------------------------------
 
     def letters(self, piece: Piece) -> str:
-        """Return the statuses of all points, by surface in the order of the tables. Collective."""
+        """Return the status letters of all contact points, in the order of tables. Collective."""
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
@@ -411,7 +414,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
-        """Return the piece with these `letters`. Collective.
+        """Return the piece of H with these status letters (`letters`). Collective.
 
         Raises:
             ValueError: on every rank, if the letters are not statuses of these points.
@@ -440,7 +443,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:
-    """Return the pairs ``driven``, or raise ``ValueError``. Not collective."""
+    """Validate the arguments of `ParametricContact`; return ``driven``. Not collective."""
     domain = problem.V.mesh
     if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
         raise ValueError("gamma must be a scalar Constant")
@@ -467,8 +470,7 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
 def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> list[Datum]:
     """Return the data; raise ``ValueError`` if they use gamma or a driven Function wrongly.
 
-    Derivatives with respect to gamma do not include Functions and Constants of Dirichlet
-    conditions.
+    Values of Dirichlet conditions are not differentiated with respect to gamma.
     """
     if any(is_value_of(gamma, bc) for bc in problem.bcs):
         raise ValueError(
@@ -493,5 +495,5 @@ def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> l
 
 
 def _share(f: fem.Function, other: Any) -> bool:
-    """Return whether two Functions share their values."""
+    """Return whether two Functions share the memory of their values."""
     return hasattr(other, "x") and np.shares_memory(f.x.array, other.x.array)

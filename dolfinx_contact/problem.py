@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem: a solve starts from the Functions, overwrites them and returns a result."""
+"""Contact problem of a body; its Functions hold the start and the result of a solve."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
 
 @dataclass
 class _LastWrite:
-    """Unknowns and statuses last written to the Functions, with the memory of their law.
+    """Unknowns and statuses that were last written to the Functions, and memory of the law.
 
     On the border between two statuses, displacement and multipliers do not determine the status.
     The stored statuses are therefore reused as long as the unknowns are bitwise identical.
@@ -182,7 +182,7 @@ class ContactProblem(ReadOnly):
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
     With friction, use `QuasiStatic` if the contact zone grows with the load (Hertz, indentation):
-    in the static law, slip that precedes contact counts as well.
+    in the static law, tangential displacement that precedes contact counts as slip as well.
 
     `solve` starts from the present displacement and multipliers and overwrites them with the
     solution. If it fails, they keep their values.
@@ -200,7 +200,7 @@ class ContactProblem(ReadOnly):
     integral of ``bulk``, over cells and facets, by 2 pi r. Integrands are therefore per volume or
     area and must not contain this weight. u_r = 0 is prescribed on the axis.
 
-    Forms, surfaces and conditions are read and compiled once, so attributes are read-only. Between
+    Forms, surfaces and conditions are read and compiled once, and attributes are read-only. Between
     two solves the values of Constants and Functions may be changed, and single entries of
     `petsc_options`. Numbers and arrays are copied, also by ``fem.dirichletbc``.
 
@@ -215,8 +215,8 @@ class ContactProblem(ReadOnly):
         bcs: Dirichlet conditions on the space of ``u`` or its components; default: none.
         r: augmentation parameter, a stiffness per area; default: derived from the stiffness of the
             contact nodes, and updated by `solve` if the stiffness has changed. It affects the
-            iterates but not the solution, except in the integral method, whose weak conditions
-            depend on it (the effect vanishes under mesh refinement).
+            iterates but not the solution. The exception is the integral method, whose weak contact
+            conditions depend on r; the effect vanishes under mesh refinement.
         petsc_options_prefix: options prefix of the SNES; every strategy creates its own SNES. The
             relative tolerance applies to the measures of the residual (`equations.measures`), not
             to its norm. `Result.attempts` contains the outcome.
@@ -368,7 +368,7 @@ class ContactProblem(ReadOnly):
 
     @collective("a step", _check_step)
     def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
-        """Return the problem of one step beginning in a state. Collective.
+        """Return the problem of one step that begins in a given state. Collective.
 
         In the returned problem, friction opposes the slip increment since the state, and laws with
         internal variables continue from their values in the state. In this problem, by contrast,
@@ -398,7 +398,7 @@ class ContactProblem(ReadOnly):
         return self.with_memory([memory.later(step) for memory in state.memory])
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ContactProblem:
-        """Return the same problem with another memory of the contact points. Collective.
+        """Return the same problem with a different memory of the contact points. Collective.
 
         The copy is shallow: it shares Functions, data, forms, matrices and linear solvers.
 
@@ -415,7 +415,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def rigid_bodies(self) -> list[RigidBody]:
-        """Rigid bodies in contact with the surfaces, in the order of the surfaces."""
+        """Rigid bodies that are obstacles of the surfaces, in the order of the surfaces."""
         return list(self.equations.rigid.bodies)
 
     def create_vector(self) -> PETSc.Vec:
@@ -426,9 +426,9 @@ class ContactProblem(ReadOnly):
         """Copy unknowns into the Functions and the rigid bodies. Collective.
 
         Args:
-            x: unknowns.
-            statuses: statuses of the contact points at ``x``, one array per surface, which are
-                stored; default: determined by the unknowns when they are needed.
+            x: vector of all unknowns.
+            statuses: statuses of the contact points at ``x``, one array per surface, to be stored;
+                default: statuses are computed from the unknowns when they are needed.
         """
         for f, values in zip(self.fields, self.equations.unknowns.fields(x), strict=True):
             f.x.array[: len(values)] = values
@@ -443,7 +443,7 @@ class ContactProblem(ReadOnly):
         eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
 
     def _owned_values(self) -> Array:
-        """Return the owned values of all unknowns in the user's units, (n,). Not collective."""
+        """Return the owned values of all unknowns in the user's units. Not collective."""
         sizes = self.equations.owned_sizes
         parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
         return np.concatenate([*parts, self.equations.rigid.given])
@@ -455,7 +455,7 @@ class ContactProblem(ReadOnly):
         self._written.previous = previous
 
     def _last_write(self) -> _LastWrite | None:
-        """Return the last write; None if the unknowns have changed since. Collective."""
+        """Return the last write to the Functions; None if they have changed since. Collective."""
         before = self._written.unknowns
         same = before is not None and np.array_equal(before, self._owned_values())
         return self._written if all_ranks(self.comm, same) else None
@@ -472,12 +472,12 @@ class ContactProblem(ReadOnly):
 
     @property
     def statuses(self) -> Statuses:
-        """Statuses of the state in the Functions. Collective."""
+        """Statuses of the contact points for the state in the Functions. Collective."""
         return self.snapshot().statuses
 
     @property
     def written_statuses(self) -> Statuses | None:
-        """Statuses of the last write; None if the unknowns have changed since. Collective."""
+        """Statuses written last to the Functions; None if these have changed since. Collective."""
         written = self._last_write()
         return None if written is None else written.statuses
 
@@ -495,7 +495,7 @@ class ContactProblem(ReadOnly):
         """Return the state with given unknowns. Collective.
 
         Args:
-            x: unknowns.
+            x: vector of all unknowns.
             statuses: statuses of the contact points, one array per surface; default: computed from
                 the unknowns.
         """
@@ -639,7 +639,7 @@ class ContactProblem(ReadOnly):
             yield self.with_memory(state.previous)
 
     def _as_written(self) -> ContactProblem:
-        """Return the problem with the law under which the Functions were written. Collective.
+        """Return this problem with the law of the step that wrote the Functions. Collective.
 
         In an observer of an evolution, and after the run, this is the law of the last step, as long
         as the Functions are unchanged. Otherwise it is the law of this problem.
@@ -651,7 +651,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def linear_solver(self) -> LinearSolver:
-        """Linear solver of the Newton steps; other options of it create another one. Collective."""
+        """Linear solver of the Newton steps, recreated if its options have changed. Collective."""
         return self._linear()
 
     def table(
@@ -693,11 +693,11 @@ class ContactProblem(ReadOnly):
             - ``displacement``, a vector.
             - ``traction``, the contact traction on the body, a vector; its normal part
               ``pressure``, positive in compression; and its tangential part ``shear``, a vector.
-              They are forces per area of the mesh. On facets that are only partly opposite another
-              body they are smaller than the tractions of the table.
+              They are forces per area of the mesh. On facets that are only partly opposite to
+              another body, they are smaller than the tractions in the contact table.
             - ``gap``, a length.
             - ``slip``, the tangential displacement, a vector.
-            - ``status``, a number of `io.STATUS_CODES`.
+            - ``status``, a status code listed in `io.STATUS_CODES`.
             - ``support``, the reaction of Dirichlet data on the body divided by the vertex area.
             - Internal variables of laws, such as ``beta``, the intensity of adhesion.
 
@@ -816,7 +816,7 @@ class ContactProblem(ReadOnly):
         Collective.
 
         Args:
-            trial: strategies of the solver; default: all.
+            trial: strategies that the solver may try; default: all.
             algorithm: algorithm of the solver, see `solve`.
             monitor: read-only function of the iterates, see `solve`.
             increments: initial number of load increments, see `solve`.
@@ -854,7 +854,7 @@ class ContactProblem(ReadOnly):
         return result, evaluation
 
     def _have(self, statuses: Statuses) -> bool:
-        """Return whether statuses fit the contact points of this rank. Not collective."""
+        """Return whether status arrays match the contact points of this rank. Not collective."""
         return len(statuses) == len(self.surfaces) and all(
             np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
             for s, codes in zip(self.surfaces, statuses, strict=True)
@@ -878,8 +878,8 @@ class ContactProblem(ReadOnly):
 
         1. Linear bodies with nodal or mixed contact, in 2D or, with friction, in 3D up to 128
            points: the body is condensed onto the contact points, and the pointwise certificate is
-           evaluated; without friction it holds up to round-off. If it fails and
-           another solution is found quickly, that solution is returned, and a warning is logged.
+           evaluated, which always holds without friction (up to round-off). If it fails and a
+           second solution is found quickly, that solution is returned, and a warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
         3. If no certificate applies and no law is Coulomb friction: the theorems of `theory`.
@@ -951,7 +951,7 @@ class ContactProblem(ReadOnly):
         """Copy a solution to the Functions and return its result. Collective.
 
         Args:
-            x: solution.
+            x: unknowns of the solution.
             attempts: strategies that were tried; the last one converged.
             evaluation: evaluation of the solution.
             shown: see `solve_step`.
@@ -967,10 +967,10 @@ class ContactProblem(ReadOnly):
         """Log warnings on rank 0. Not collective.
 
         Args:
-            warnings: texts by name. Those about the data are skipped, because they were logged when
-                they were found (`ContactEquations.warn`).
-            logged: names that were logged before, such as those of a run, which are skipped; all
-                names are added. Default: none.
+            warnings: texts by name. Warnings about the data are skipped, because
+                `ContactEquations.warn` has already logged them.
+            logged: names of warnings that were already logged, for example in the same run. They
+                are skipped, and all names of ``warnings`` are added to this set. Default: none.
             where: beginning of the texts; default: none.
         """
         logged = set() if logged is None else logged

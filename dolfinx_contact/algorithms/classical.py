@@ -2,8 +2,8 @@
 """Solution of contact problems by the classical algorithms.
 
 The body is condensed onto its contact points once (`reduced.Reduction`). Rank 0 runs the algorithm,
-starting from the tractions in the caller's Functions. The solution is accepted by the convergence
-measures of Newton's method, but is not corrected by Newton steps.
+starting from the tractions in the caller's Functions. The solution is accepted if its relative
+residuals meet the tolerance of Newton's method, but is not corrected by Newton steps.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _GATHERED = 10.0  # accepted measure of the body after a reduced solve, relative
 
 
 def algorithm_named(wanted: object) -> Algorithm:
-    """Return the algorithm with a given name; return an `Algorithm` unchanged.
+    """Return the algorithm with a given name and default options; return an `Algorithm` unchanged.
 
     Raises:
         ValueError: if ``wanted`` is neither a known name nor an `Algorithm`.
@@ -81,11 +81,11 @@ def solve_by(
         progress: progress line.
 
     Returns:
-        Solution, and a list with the successful attempt.
+        Vector of unknowns at the solution, and a list that contains the record of the attempt.
 
     Raises:
         ValueError: on every rank, if the algorithm does not support the problem.
-        ConvergenceError: if the algorithm does not converge, with its attempt.
+        ConvergenceError: if the algorithm does not converge; it contains the record of the attempt.
     """
     _require_scope(equations)
     attempt = Attempt(algorithm.described())
@@ -176,7 +176,8 @@ def start_by_lemke(
     """Condense the body at ``x`` and replace ``x`` by a solution of Lemke's method. Collective.
 
     Lemke's method finds a solution for every friction coefficient if the reduced stiffness is
-    positive definite (`algorithms.lemke`). Otherwise the attempt records the reason.
+    positive definite (`algorithms.lemke`). If no solution is found, the reason is stored in
+    ``attempt``.
 
     Returns:
         Whether a solution was found.

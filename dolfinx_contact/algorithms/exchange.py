@@ -5,7 +5,7 @@ An npz file holds the arrays of a `PointProblem` under the names of its argument
 
 FCLib (Acary, Bremond, Koziara and Perignon, FCLIB: a collection of discrete 3D frictional contact
 problems, INRIA RT-0444, 2014) states the problem by its compliance, u = W r + q, in the frame of
-each contact with the normal first. The datasets are
+each contact with the normal first. With m contacts, dim components each, the datasets are
 
     /fclib_local/spacedim              2 or 3
     /fclib_local/W/{m, n, nzmax, nz}   rows, columns, entries, and -2 for compressed rows
@@ -72,7 +72,7 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
 
     Raises:
         FileNotFoundError: if the file does not exist.
-        ValueError: if the content does not fit the format.
+        ValueError: if the file does not contain a valid problem in this format.
     """
     path = Path(file)
     if not path.is_file():

@@ -8,7 +8,7 @@ other points are fixed, and the free components are over-relaxed,
 
 Sticking points keep zero slip, and points in contact remain on the obstacle (Raous, Chabrand and
 Lebon, J. Mec. Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Sweeps stop
-when the measure is below the tolerance; for large friction they may cycle or diverge.
+when the relative residual is below the tolerance. For large friction they may cycle or diverge.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ predictor and corrector (SIAM J. Optim. 2, 1992) and steps ending before the bou
 
 For F = 0 (Tresca's problem) the method is the convex primal-dual method with its convergence
 theory. No theory is available for Coulomb's law: for large F the path may turn back, and the method
-fails. It stops when the measure of Coulomb's law is below the tolerance. Only the normal forces of
-an initial guess are used, increased if they are small.
+fails. It stops when the relative residual of Coulomb's law is below the tolerance. Of an initial
+guess, only the normal forces are used, and small ones are increased.
 """
 
 from __future__ import annotations
@@ -114,7 +114,11 @@ class _Interior:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
-        """Return the friction slacks s (m, k), and -ds/drt (m, k, d - 1) and ds/drn (m, k)."""
+        """Return the k friction slacks s of each point and their derivatives.
+
+        Returns:
+            Slacks s, shape (m, k); -ds/drt, shape (m, k, dim - 1); and ds/drn, shape (m, k).
+        """
         rt = self._r[:, :-1]
         radius = self._radius[:, None]
         if rt.shape[1] == 1:
@@ -131,7 +135,7 @@ class _Interior:
         return self._r, self._y, self._l, self._s
 
     def step(self) -> bool:
-        """Take a predictor-corrector step; return False if its length vanishes."""
+        """Take a predictor-corrector step; return False if its length is zero up to round-off."""
         self._linearise()
         forecast = self._direction(0.0)
         part = self._longest(forecast, 1.0)
@@ -152,7 +156,10 @@ class _Interior:
         return True
 
     def _linearise(self) -> None:
-        """Eliminate slacks and multipliers: assemble A + D with one block of D per point."""
+        """Eliminate slacks and multipliers from the Newton equations.
+
+        The remaining matrix is A + D, where D has one block per point.
+        """
         m, d = self._r.shape
         _, self._out, self._by_rn = self._slacks()
         stiff = self._l / self._s
@@ -178,11 +185,11 @@ class _Interior:
     def _direction(
         self, centring: float, forecast: _Direction | None = None, ahead: float = 1.0
     ) -> _Direction:
-        """Return a Newton step that reduces the products and the infeasibility.
+        """Return a Newton step that reduces the complementarity products and the infeasibility.
 
         Args:
-            centring: target value of the products, relative to mu; infeasibilities are reduced by
-                the factor ``1 - centring``.
+            centring: target value of the products, relative to mu; the step reduces the
+                infeasibility by the fraction ``1 - centring``.
             forecast: predictor step, whose second-order terms are subtracted; None for the
                 predictor.
             ahead: step length of the predictor.
@@ -226,11 +233,11 @@ class _Interior:
         return dr, da[:, -1] + gap, np.where(grips, dl, 0.0), np.where(grips, ds, 0.0)
 
     def _longest(self, direction: _Direction, boundary: float) -> float:
-        """Return a step length, at most 1, as a fraction of the distance to the boundary.
+        """Return the length of a step: a fraction of the distance to the boundary, at most 1.
 
         Args:
             direction: changes of r, y, l and s.
-            boundary: fraction of the distance to the boundary.
+            boundary: this fraction, between 0 and 1.
         """
         dr, dy, dl, ds = direction
         part = 1.0

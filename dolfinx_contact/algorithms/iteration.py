@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Convergence measures, stopping criteria and outcome shared by all algorithms.
+"""Relative residuals, stopping criteria and outcome shared by all algorithms.
 
-An algorithm passes each iterate to an `Iteration`, which measures it in the same way as Newton's
-method and decides whether to stop. If an algorithm does not converge, the reason is one of: the
-iterates repeat in a cycle, diverge or stagnate, or the limit on iterations is reached.
+An algorithm passes each iterate to an `Iteration`, which computes the same relative residuals
+(`Measures`) as Newton's method and decides whether to stop. If an algorithm does not converge, the
+reason is one of: the iterates repeat in a cycle, diverge or stagnate, or the limit on iterations is
+reached.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ class Outcome:
     """Last iterate of an algorithm and the history of its iterations.
 
     Attributes:
-        a: displacements of the points, shape (m, dim): tangential components, then the gap.
+        a: displacements of the points, tangential components first, then the gap, shape (m, dim).
         r: contact forces on the body, shape (m, dim).
-        converged: whether the measure fell below the tolerance.
+        converged: whether the largest relative residual fell below the tolerance.
         reason: reason for stopping; empty while the algorithm runs.
-        measures: convergence measures of all iterates, beginning with the initial guess.
-        series: additional quantities of the algorithm by name, usually one value per iterate.
+        measures: relative residuals (`Measures`) of all iterates, beginning with the initial guess.
+        series: additional quantities recorded by the algorithm, by name, usually one value per
+            iterate.
     """
 
     a: Array
@@ -58,23 +60,23 @@ class Outcome:
 
     @property
     def residuals(self) -> list[float]:
-        """Largest measure of each iterate."""
+        """Largest relative residual of each iterate."""
         return [m.worst for m in self.measures]
 
 
 class Iteration:
-    """Monitor of an algorithm: measures and records its iterates and decides when it stops.
+    """Monitor of an algorithm: records its iterates and their residuals and decides when it stops.
 
     Args:
         contact: reduced problem.
         limit: maximum number of iterations.
-        tolerance: convergence measure below which an algorithm stops.
-        monitor: function called with the measures of every iterate.
+        tolerance: relative residual below which an algorithm stops.
+        monitor: function called with the `Measures` of every iterate.
 
     Attributes:
         outcome: current iterate and history.
-        force: scale of forces in the measures.
-        length: scale of displacements in the measures.
+        force: force by which residual forces are divided.
+        length: length by which residual displacements are divided.
     """
 
     def __init__(
@@ -100,7 +102,7 @@ class Iteration:
         self._suspicion = 0
 
     def measure(self, a: Array, r: Array) -> Measures:
-        """Return the measures of a state and update the scales of force and length.
+        """Return the relative residuals of a state, and update the scales `force` and `length`.
 
         The scales are the largest force and displacement so far. If they exceed the scales of an
         apparently converged state by a factor of 10, they are reset to the scales of this state:
@@ -125,7 +127,8 @@ class Iteration:
         Args:
             a: displacements, shape (m, dim).
             r: contact forces, shape (m, dim).
-            given: friction bounds of the iterate, shape (m,), if the next iterate depends on them.
+            given: friction bounds of this iteration, shape (m,); only for algorithms whose next
+                iterate depends on them, so that a repetition of the iterates is detected correctly.
             series: additional quantities to record, by name.
         """
         measures = self.measure(a, r)
@@ -146,7 +149,11 @@ class Iteration:
         return bool(outcome.reason)
 
     def _failure(self, worst: float) -> str:
-        """Return the reason for stopping without convergence; "" to continue."""
+        """Return the reason for stopping without convergence, "" to continue.
+
+        Args:
+            worst: largest relative residual of the iterate.
+        """
         if not np.isfinite(worst):
             return "the iterates are not finite"
         self._least = min(self._least, worst)
@@ -157,7 +164,12 @@ class Iteration:
         return ""
 
     def _repetition(self, x: Array, worst: float) -> str:
-        """Describe stagnation, or repetition over a whole period; "" if neither occurs."""
+        """Describe stagnation, or iterates that have repeated for a whole period; "" otherwise.
+
+        Args:
+            x: iterate as one vector, in the scales of force and length.
+            worst: its largest relative residual.
+        """
         away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
             return f"stagnates at a residual of {worst:.1e}"
@@ -183,7 +195,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Algorithm:
-    """Base class of the algorithms for reduced problems; the fields are their options.
+    """Base class of the algorithms for reduced problems; its fields are the options.
 
     Attributes:
         name: name of the algorithm in ``ContactProblem.solve(algorithm=...)``.
@@ -204,13 +216,13 @@ class Algorithm:
         start: Array | None = None,
         monitor: Monitor | None = None,
     ) -> Outcome:
-        """Solve a reduced problem; without convergence, return the last iterate.
+        """Solve a reduced problem. If the algorithm does not converge, return its last iterate.
 
         Args:
             contact: reduced problem.
-            tolerance: largest measure of a converged state.
+            tolerance: largest relative residual of a converged state.
             start: initial contact forces, shape (m, dim); zero by default.
-            monitor: function called with the measures of every iterate.
+            monitor: function called with the `Measures` of every iterate.
         """
         iteration = Iteration(contact, self.max_iterations, tolerance, monitor)
         begin = np.zeros((contact.number, contact.dim)) if start is None else start.copy()
@@ -226,7 +238,7 @@ class Algorithm:
         raise NotImplementedError
 
     def described(self) -> str:
-        """Return the name with the options differing from their defaults."""
+        """Return the name of the algorithm and the options that differ from their defaults."""
         other = [
             f"{f.name}={getattr(self, f.name)!r}"
             for f in fields(self)

@@ -24,9 +24,9 @@ S above about 1e8.
 
 The method (Lemke, Management Science 11, 1965; for contact Klarbring, CMAME 58, 1986) stops when
 its artificial variable z_0 leaves the basis. In 2D, Newton steps with the resulting statuses remove
-the round-off of the pivots, and the result counts as converged if the measure of the law is below
-the tolerance. In 3D the same measure is evaluated with the disc. Hence only solutions with forces
-at corners of the polygon count as converged; otherwise, the reason contains the measure.
+the round-off of the pivots, and the result counts as converged if the relative residual of the law
+is below the tolerance. In 3D the residual is evaluated with the disc. Hence only solutions with
+forces at corners of the polygon count as converged; otherwise, the reason contains the residual.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ class Lemke(Algorithm):
     """Lemke's method; it counts as one iteration, and the number of pivots is reported.
 
     Attributes:
-        max_iterations: largest number of pivots per unknown of the complementarity problem.
+        max_iterations: largest number of pivots, divided by the number of unknowns of the
+            complementarity problem.
         facets: number of corners of the polygon that replaces the friction disc in 3D.
     """
 
@@ -118,10 +119,11 @@ def coulomb_by_lemke(
     A solution exists for every friction coefficient; the module contains a proof.
 
     Args:
-        S: reduced stiffness, shape (2 m, 2 m), ordered (ut, un) point by point, positive definite.
+        S: positive definite reduced stiffness, ordered (ut, un) point by point, shape (2 m, 2 m).
         p: reduced load, shape (2 m,).
         friction: friction coefficients F >= 0, shape (m,).
-        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
+        bound: prescribed friction bounds g >= 0, forces that are added to F rn, shape (m,);
+            default zero.
 
     Returns:
         State (ut, un, rt, rn) of every point, shape (m, 4), and the number of pivots.
@@ -152,11 +154,11 @@ def coulomb_by_lemke(
 def _polished(
     contact: PointProblem, r: Array, measure: Callable[[Array, Array], float], enough: float
 ) -> tuple[Array, Array]:
-    """Remove the round-off of Lemke's pivots from forces by Newton steps.
+    """Remove the round-off of Lemke's pivots from contact forces by Newton steps.
 
-    The compliance and the tableau determine displacements and forces up to their condition number
-    times round-off, but the statuses are correct. Newton's method solves equilibrium again with
-    these statuses, using the stiffness itself.
+    Displacements and forces computed from the compliance and the tableau have errors of round-off
+    times their condition number, but their statuses are correct. Newton's method solves equilibrium
+    again with these statuses, using the stiffness itself.
 
     Args:
         contact: reduced problem in 2D.
@@ -185,14 +187,15 @@ def _polished(
 
 
 def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tuple[Array, int]:
-    """Solve by Lemke's method, in 3D with a friction polygon.
-
-    Returns the contact forces (m, dim) and the number of pivots.
+    """Solve a reduced problem by Lemke's method, in 3D with a friction polygon.
 
     Args:
         contact: reduced problem.
         facets: number of directions of friction in 3D.
-        most: largest number of pivots per unknown; by default as in `lemke`.
+        most: largest number of pivots, divided by the number of unknowns; by default as in `lemke`.
+
+    Returns:
+        Contact forces, shape (m, dim), and the number of pivots.
     """
     problem, stiffness, length = contact.scaled()
     data = problem.A, problem.free, problem.friction, problem.bound
@@ -203,9 +206,7 @@ def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tu
 def forces_by_lemke(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array, most: int | None = None
 ) -> tuple[Array, int]:
-    """Solve the copositive form by Lemke's method.
-
-    Returns the contact forces (m, dim) and the number of pivots.
+    """Solve the complementarity problem of the module by Lemke's method.
 
     Args:
         A: compliance, shape (dim m, dim m).
@@ -213,7 +214,10 @@ def forces_by_lemke(
         friction: friction coefficients F, shape (m,).
         bound: prescribed friction bounds g, shape (m,).
         directions: unit directions of friction, shape (k, dim - 1).
-        most: largest number of pivots per unknown; by default as in `lemke`.
+        most: largest number of pivots, divided by the number of unknowns; by default as in `lemke`.
+
+    Returns:
+        Contact forces, shape (m, dim), and the number of pivots.
     """
     M, q = copositive_form(A, free, friction, bound, directions)
     z, pivots = lemke(M, q, max_pivots=None if most is None else most * len(q))
@@ -255,7 +259,8 @@ def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, 
 class _Tableau:
     """Tableau of w - M z - d z_0 = q, solved for the basic variables.
 
-    Variables are numbered w from 0, z from n, and z_0 is 2 n.
+    The n variables w have the numbers 0 to n - 1, the n variables z the numbers n to 2 n - 1,
+    and z_0 has the number 2 n.
     """
 
     def __init__(self, M: Array, q: Array):
@@ -283,7 +288,7 @@ class _Tableau:
         return self._pivot(self._row(column), column)
 
     def covers(self) -> bool:
-        """Return True if z_0 exceeds round-off, so that the basis is not a solution.
+        """Return True if z_0 is positive beyond round-off, so that the basis is not a solution.
 
         In a tie, round-off may keep z_0 in the basis although its value is zero.
         """
@@ -378,7 +383,9 @@ def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
 def copositive_form(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Return M and q of the complementarity problem for z = (rn, b of point 1, ..., l).
+    """Return M and q of the complementarity problem of the module.
+
+    The unknowns are z = (rn, b, l), with b ordered point by point.
 
     Args:
         A: compliance, shape (dim m, dim m).
@@ -405,6 +412,6 @@ def copositive_form(
 
 
 def copositive_forces(z: Array, directions: Array) -> Array:
-    """Return the contact forces (m, dim) for unknowns z of the copositive form."""
+    """Return the contact forces for unknowns z of `copositive_form`, shape (m, dim)."""
     m = len(z) // (2 + len(directions))
     return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])

@@ -55,7 +55,7 @@ class OnePoint:
         self._if_open = slip(eliminated, np.zeros(len(coupling)))
 
     def solve(self, b: Array) -> tuple[float, ...]:
-        """Return the displacement (tangents, normal) under the load ``b`` of shape (dim,)."""
+        """Return the displacement under the load ``b``, tangential part first, shape (dim,)."""
         *t, n = map(float, b)
         F = self._friction
         g = self._bound
@@ -77,14 +77,17 @@ class OnePoint:
 
 
 class _SlipInPlane:
-    """Slip in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
+    """Solver for slip in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
 
     def __init__(self, S: Array, coupling: Array):
         self._stiffness = float(S[0, 0])
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b; of both senses, the one that violates the law least."""
+        """Return the slip under the load b.
+
+        Slips to both sides are computed; the one with the smaller violation of the law is returned.
+        """
         best = 0.0
         least = inf
         for sign in (1.0, -1.0):
@@ -100,7 +103,10 @@ class _SlipInPlane:
 
 
 class _SlipInSpace:
-    """Slip in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g, in the eigenvectors of S."""
+    """Solver for slip in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g.
+
+    It works in the eigenvectors of the matrix S, shape (2, 2).
+    """
 
     def __init__(self, S: Array, coupling: Array):
         values, vectors = np.linalg.eigh(S)

@@ -37,9 +37,9 @@ class Penalty(Algorithm):
 
     Attributes:
         max_iterations: maximum number of extrapolations.
-        stiffness: first stiffness k_0, relative to the augmentation of Newton's method.
-        accuracy: measure of the extrapolated solution at which the method stops. Smaller values of
-            the argument ``tolerance`` have no effect, since extrapolation does not reach them.
+        stiffness: first penalty stiffness k_0, relative to the augmentation of Newton's method.
+        accuracy: relative residual at which the extrapolated solution is accepted. A smaller
+            argument ``tolerance`` has no effect, since extrapolation does not reach it.
     """
 
     name: ClassVar[str] = "penalty"
@@ -75,7 +75,7 @@ class Penalty(Algorithm):
 
 
 def _limit(states: list[Array]) -> Array:
-    """Extrapolate states for k, 2k, 4k, ... to 1/k = 0 by Neville's scheme."""
+    """Extrapolate states for the stiffnesses k, 2 k, 4 k, ... to 1/k = 0 by Neville's scheme."""
     column = states
     for j in range(1, len(states)):
         weight = 2.0**j
@@ -84,6 +84,9 @@ def _limit(states: list[Array]) -> Array:
 
 
 def _order(states: list[Array]) -> float:
-    """Return the observed order in 1/k of the last three states; NaN if two are equal."""
+    """Return the order of convergence in 1/k observed in the last three states.
+
+    NaN if two of them are equal.
+    """
     before, last = (float(np.linalg.norm(b - a)) for a, b in pairwise(states[-_LEAST:]))
     return float(np.log2(before / last)) if last > 0 else float("nan")

@@ -10,8 +10,9 @@ Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Pr
 3. if the chopped gradient at the bounds outweighs the free gradient, a projected gradient step.
 
 The energy decreases in every step. Between two updates of the friction bounds the projected
-gradient decreases by a factor of 1000. The iteration stops when the measure of Coulomb's law is
-below the tolerance; as the fixed point of Tresca's problems, it may cycle for large friction.
+gradient decreases by a factor of 1000. The iteration stops when the relative residual of Coulomb's
+law is below the tolerance. Like the fixed-point iteration of Tresca's problems (`tresca`), it may
+cycle for large friction.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class _GivenBound:
         self._direction = self._free.copy()
 
     def _split(self) -> None:
-        """Split the projected gradient into its free and its chopped parts."""
+        """Split the projected gradient into its free and chopped parts; see the module docstring."""
         r = self.r
         g = self.a
         size = np.linalg.norm(r[:, :-1], axis=1)
@@ -110,7 +111,7 @@ class _GivenBound:
 
     @property
     def left(self) -> float:
-        """Largest entry of the projected gradient, a length."""
+        """Largest magnitude of an entry of the projected gradient, a length."""
         return float(np.abs(self._free + self._chopped).max())
 
     @property

@@ -7,8 +7,9 @@ and an estimate l of the contact force gives the augmented Lagrangian method (`u
 nonmonotone line search shortens steps whose residual norm exceeds the largest of the last five
 (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
 
-`SemismoothNewton` takes the full steps of Alart and Curnier (CMAME 92, 1991) until the measure of
-the laws is below the tolerance. It fails if statuses repeat in a cycle or do not determine a state.
+`SemismoothNewton` takes the full steps of Alart and Curnier (CMAME 92, 1991) until the relative
+residual of the laws is below the tolerance. It fails if the statuses repeat in a cycle or do not
+determine a unique state.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class SemismoothNewton(Algorithm):
 
 
 def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array]:
-    """Return displacements and forces (m, dim) after a full Newton step.
+    """Return displacements and forces after a full Newton step, shape (m, dim) each.
 
     In 2D the result is the equilibrium state for the statuses of (a, r).
 
@@ -82,7 +83,7 @@ def solve_semismooth(
         most: maximum number of steps.
 
     Returns:
-        Displacements (m, dim), the number of steps, and whether they converged.
+        Displacements, shape (m, dim); the number of steps; and whether they converged.
     """
     k = contact.augmentation if stiffness is None else stiffness
     recent: deque[float] = deque(maxlen=_REMEMBERED)
@@ -125,7 +126,7 @@ def solve_yielding(
         cold: whether to start with a thousandth of the stiffness.
 
     Returns:
-        Displacements (m, dim), the total number of steps, and whether they converged.
+        Displacements, shape (m, dim); the total number of steps; and whether they converged.
     """
     parts = [*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0]
     total = 0
@@ -145,7 +146,10 @@ def solve_yielding(
 
 
 def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> tuple[Array, Array]:
-    """Return the residual r - Pi(s) with r = S a - p, and the argument s of the projection."""
+    """Return the residual r - Pi(s) with r = S a - p, and the argument s of the projection.
+
+    s is r - k a for the exact laws, and ``held`` - k a for the compliant laws.
+    """
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a
     return r - contact.allowed(s), s

@@ -6,8 +6,8 @@ Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Metho
 1983; Raous, CISM 570, 2017, section 3c). For each g, Tresca's problem is convex and has a unique
 solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,
 computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). The
-convex problems are solved by the semismooth Newton method. The iteration stops when the measure of
-Coulomb's law is below the tolerance. The iteration contracts for small friction only. For larger
+convex problems are solved by the semismooth Newton method. The iteration stops when the relative
+residual of Coulomb's law is below the tolerance. It contracts for small friction only. For larger
 friction it converges slowly, or it fails because the bounds repeat in a cycle or a convex problem
 is not solved.
 """
@@ -35,8 +35,8 @@ class TrescaFixedPoint(Algorithm):
     """Fixed-point iteration of Tresca's problems; one iteration solves one Tresca problem.
 
     Attributes:
-        relaxation: relaxation factor omega, between 0 and 2; the first factor if ``aitken``.
-        aitken: whether Aitken's method determines the following factors.
+        relaxation: relaxation factor omega, between 0 and 2; with ``aitken``, only the first one.
+        aitken: whether Aitken's method determines all factors after the first.
     """
 
     name: ClassVar[str] = "tresca"

@@ -7,9 +7,9 @@ Non-linear Programming, 1958). It is a gradient method for the dual problem. Wit
 rho < 2/|A|, where A is the compliance, it converges for small friction. The augmented Lagrangian
 method solves equilibrium with the compliant laws r = Pi(l - rho a) about the last forces l by
 Newton's method (`semismooth`). It converges for any rho > 0, in few iterations if rho is large
-(Simo and Laursen, Comput. Struct. 42, 1992). Both stop when the measure of the exact laws is below
-the tolerance. For large friction the forces may cycle or diverge; the augmented method also fails
-if Newton's method does not solve the compliant laws.
+(Simo and Laursen, Comput. Struct. 42, 1992). Both stop when the relative residual of the exact laws
+is below the tolerance. For large friction the forces may cycle or diverge; the augmented method
+also fails if Newton's method does not solve the compliant laws.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Uzawa(Algorithm):
     """Uzawa's method; one iteration solves equilibrium once.
 
     Attributes:
-        step: step length relative to the automatic one, which is 0.8 * 2/|A|, or 100 times the
+        step: factor on the automatic step length rho, which is 0.8 * 2/|A|, or 100 times the
             augmentation of Newton's method if ``augmented``.
         augmented: whether to use the augmented Lagrangian method.
     """

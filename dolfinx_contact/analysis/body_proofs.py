@@ -67,7 +67,10 @@ def why_not_provable(equations: ContactEquations, condensed: Reduction | None) -
 
 
 def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
-    """Return the reduced problem with error bounds; None if the errors are too large."""
+    """Return the reduced problem with error bounds, or None.
+
+    It is None if the stiffness is not proved to be positive definite within its error bounds.
+    """
     try:
         points = condensed.problem(gamma, unit=condensed.force_unit)
         errors = points.S_error, points.p_error
@@ -79,14 +82,17 @@ def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
 
 
 def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
-    """Find all solutions and prove completeness, in the units of the reduced problem. On one rank.
+    """Find all solutions and prove that there are no others. Call it on one rank.
 
-    Returns None if the factorisation errors are too large for a proof.
+    The solutions are in the units of the reduced problem.
 
     Args:
         condensed: exact reduction for which `why_not_provable` is empty.
         gamma: load parameter.
         seconds: time limit of the proof.
+
+    Returns:
+        Solutions and proof; None if the factorisation errors are too large for a proof.
     """
     problem = _reduced(condensed, gamma)
     if problem is None:
@@ -102,12 +108,15 @@ def proved_rays(
     known: Sequence[tuple[Codes, float]],
     seconds: float,
 ) -> ProvedRays:
-    """Find all rays of a tangent cone and prove completeness. On one rank.
+    """Find all rays (`proofs.rays`) of a tangent cone and prove that there are no others.
+
+    Call it on one rank.
 
     Args:
         condensed: reduction at the state, with Coulomb friction or without friction.
         cone: tangent cone of the contact laws at the state.
-        known: known rays: statuses of shape (m,) and the sign of dgamma, 1 or -1.
+        known: known rays, each as a pair of the statuses of the m points, shape (m,), and the
+            sign of dgamma, 1 or -1.
         seconds: time limit for each sign of dgamma.
     """
     try:
@@ -141,9 +150,9 @@ def uniqueness(
         linear: function returning the linear solver of the Jacobian.
         x: vector of unknowns at the solution.
         evaluation: evaluation of the equations at the solution.
-        seconds: time limit of branch and bound after the certificate of one point. If positive,
-            Renard's criterion is evaluated for any number of points, with weights if its
-            eigenproblem is dense.
+        seconds: time limit of the branch and bound that follows the certificate of one point
+            (`proofs.only_solution`). If positive, Renard's criterion is evaluated for any number
+            of points, with weights if its eigenproblem is dense.
         state_at: function returning the `State` of a vector of unknowns.
     """
     if not equations.linear:
@@ -173,7 +182,10 @@ def uniqueness(
 
 
 def _is_provable_in_space(equations: ContactEquations) -> bool:
-    """Return whether a 3D problem is small enough for the certificate of one point. Collective."""
+    """Return whether a 3D problem is small enough for the certificate of one point. Collective.
+
+    The certificate is defined in `proofs.only_solution`.
+    """
     laws = {type(s.law) for s in equations.surfaces}
     if Coulomb not in laws or not laws <= set(_LAWS):
         return False
@@ -216,7 +228,7 @@ def _points(equations: ContactEquations) -> int:
 def _by_criterion(
     equations: ContactEquations, evaluation: Evaluation, seconds: float
 ) -> Uniqueness:
-    """Decide uniqueness by Renard's criterion. Collective."""
+    """Decide uniqueness by Renard's criterion (`renard`). Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     nodal = all(s.points.E is None and s.rigid_body is None for s in equations.surfaces)
     if not nodal or Coulomb not in laws or not laws <= set(_LAWS):

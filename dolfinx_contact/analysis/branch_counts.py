@@ -44,15 +44,15 @@ _APART = 1e-6  # distance of special points that count as one, relative to the r
 
 @dataclass(frozen=True, eq=False)
 class ProvedCount:
-    """Solutions at one gamma.
+    """Number of solutions at one gamma, and the branches to which they belong.
 
     Attributes:
         gamma: load parameter.
         solutions: result of `find_solutions`.
-        statuses: letters of the points of each solution, in the order of their tables; empty for a
-            system without statuses.
-        branches: index of the branch containing each solution, the smallest index where branches
-            meet; -1 for a solution on no branch.
+        statuses: one string for each solution, with a status letter for each contact point in the
+            order of the tables; empty for a system without statuses.
+        branches: for each solution, the index of the branch that contains it (the smallest index
+            where branches meet); -1 for a solution on no branch.
         unfound: indices of the branches whose state at gamma matches no solution.
         certificate: proof of completeness; None without a proof.
         seconds: computing time.
@@ -83,7 +83,8 @@ class ProvedCount:
         """Return gamma, the number of solutions and the method as text.
 
         Args:
-            scale: size of the largest gamma, whose round-off is printed as 0.
+            scale: magnitude of the largest gamma; values of gamma within its round-off are printed
+                as 0.
         """
         many = f"{self.number} solution{'' if self.number == 1 else 's'}"
         known = "proved" if self.proved else "others are not excluded"
@@ -99,7 +100,7 @@ class BranchCounts:
 
     Attributes:
         counts: counts, ordered by gamma.
-        followed: whether the diagram was complete.
+        followed: whether the diagram contained every branch connected to its starts.
     """
 
     counts: tuple[ProvedCount, ...]
@@ -226,7 +227,12 @@ def prove_counts(
 
 
 def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
-    """Return the ends of the range and the midpoints of the longest intervals between events."""
+    """Return values of gamma: the ends of the range, and midpoints between special points.
+
+    Args:
+        branches: branches of the diagram.
+        most: largest number of midpoints; those of the longest intervals are returned.
+    """
     followed = [b for b in branches if b.points]
     every = [p.gamma for b in followed for p in (b.points[0], b.points[-1])]
     every += [s.gamma for b in followed for s in b.special]
@@ -278,8 +284,8 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
     Each branch is assigned to the nearest solution within its tolerance.
 
     Returns:
-        Index of the branch of each solution, -1 without a branch; sorted indices of the branches
-        without a solution.
+        For each solution, the index of its first branch, -1 if it has none; and the sorted
+        indices of the branches without a solution.
     """
     on = [-1] * len(found.found)
     unfound: set[int] = set()
@@ -297,7 +303,16 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
 def _certificate(
     system: System, x: PETSc.Vec, found: Solutions, seconds: float
 ) -> Certificate | None:
-    """Return a proof of completeness, or None; enumerated solutions need a new search for it."""
+    """Return a certificate that the solutions are complete, or None. Collective.
+
+    If they were found by enumeration, which provides no proof, a proof is searched for.
+
+    Args:
+        system: system of the branches.
+        x: state from which the problem is condensed.
+        found: solutions at one gamma.
+        seconds: time limit of this search.
+    """
     if not found.complete:
         return None
     proof = found.proof
@@ -322,7 +337,12 @@ def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
 def _crossings(
     system: System, layout: Layout, branches: list[Branch], gamma: float, size: float
 ) -> list[_Crossing]:
-    """Interpolate the states of the branches at a gamma. Collective."""
+    """Interpolate the branches at one gamma, where they reach it. Collective.
+
+    Returns:
+        Index of the branch, interpolated state, and the distance up to which a solution counts
+        as this state; one such tuple wherever a branch passes gamma.
+    """
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []
     for index, branch in enumerate(branches):

@@ -67,7 +67,7 @@ class ChartCell:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Point (mu, gamma) at which the solutions are known."""
+        """Midpoint (mu, gamma) of the cell, at which its solutions were determined."""
         mu = (self.mu[0] + self.mu[1]) / 2
         return mu, sum(self.ends(mu)) / 2
 
@@ -86,7 +86,7 @@ class ChartCell:
         return least, most
 
     def outline(self, number: int = 16) -> tuple[Array, Array, Array]:
-        """Return values of mu with the smallest and the largest gamma at each.
+        """Return the outline of the cell: values of mu, and the smallest and largest gamma at each.
 
         Args:
             number: number of values of mu; a rectangle always has two. Default 16.
@@ -137,17 +137,17 @@ def solutions_at(
     seconds: float,
     what: str,
 ) -> list[tuple[Statuses, bool]]:
-    """Find the solutions at points (mu, gamma), with proofs. Collective; ranks share the points.
+    """Find the solutions at pairs (mu, gamma), with proofs. Collective; ranks share the pairs.
 
     Args:
         family: problem with two parameters.
-        places: parameter values (mu, gamma).
-        known: statuses of known solutions for each point, where the search starts.
+        places: pairs (mu, gamma) at which the solutions are computed.
+        known: for each pair, statuses of known solutions, from which the search starts.
         seconds: time limit of one proof in seconds.
         what: name of the task, for the progress line and error messages.
 
     Returns:
-        For each point, the sorted statuses of the solutions and whether they are provably complete.
+        For each pair, the sorted statuses of the solutions and whether they are provably complete.
     """
     comm = family.comm
     mine = {}
@@ -205,8 +205,8 @@ def count_solutions(
         gamma_range: smallest and largest gamma.
         cells: initial number of cells along mu and gamma. Default (6, 6).
         depth: largest number of subdivisions of a cell. Default 2.
-        curves: curves of folds and events, kept in the chart; cells are also divided along the
-            folds.
+        curves: curves of folds and events, which are included in the chart. Cells crossed by a
+            fold are divided, too. Default: no curves.
         proof_seconds: time limit of the proof in each cell, in seconds. Default 20.
 
     Raises:
@@ -234,7 +234,7 @@ class _Leaf:
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """Return the four quarters of this cell, with its solutions as known solutions."""
+        """Return the four quarters of this cell; its solutions become their known solutions."""
         half = self.size // 2
         return [
             _Leaf(i, j, half, self.codes)
@@ -243,7 +243,11 @@ class _Leaf:
         ]
 
     def place(self, more: int = 0) -> tuple[slice, slice]:
-        """Return the slices of this cell in the raster, widened by ``more`` cells on each side."""
+        """Return the slices of `_Counting.raster` covered by this cell.
+
+        Args:
+            more: number of finest cells by which they are widened on each side.
+        """
         i, j = (slice(max(k - more, 0), k + self.size + more) for k in (self.i, self.j))
         return i, j
 
@@ -252,7 +256,7 @@ class _Counting:
     """Adaptive count of solutions: cells are divided where the number changes.
 
     Attributes:
-        raster: number of solutions in the cell containing each finest cell.
+        raster: for each finest cell, the number of solutions in the cell that contains it.
     """
 
     def __init__(
@@ -298,7 +302,7 @@ class _Counting:
         return ChartCell(ends(leaf.i, 0), ends(leaf.j, 1))
 
     def _counted(self, leaves: Sequence[_Leaf]) -> list[_Leaf]:
-        """Count the solutions in new cells, starting from their known solutions."""
+        """Return the cells with their solutions; the searches start from known solutions."""
         places = [self._cell(leaf).middle for leaf in leaves]
         known = [leaf.codes for leaf in leaves]
         found = solutions_at(self._family, places, known, self._seconds, "cells")
@@ -307,9 +311,14 @@ class _Counting:
         return [replace(v, codes=c, proved=p) for v, (c, p) in zip(leaves, found, strict=True)]
 
     def _at_border(self, level: Sequence[_Leaf], passed: Mask) -> list[_Leaf]:
-        """Return the cells to divide.
+        """Return the cells of one level that must be divided.
 
-        Folds cross them, or the number of solutions changes at an edge without a known fold.
+        These are the cells crossed by a fold, and the cells at whose edges the number of solutions
+        changes although no fold is known there.
+
+        Args:
+            level: cells of the present size.
+            passed: mask of the finest cells crossed by folds.
         """
         at_border = [leaf for leaf in level if passed[leaf.place()].any()]
         explained = np.zeros_like(passed)

@@ -22,8 +22,8 @@ complex pair gives no continuum.
 With the shear f = S_tt v as the unknown, the equation is T f = f/F. T f is the pressure caused by a
 shear f at contact points that stay closed: one solve with the stiffness of the held body. The
 largest eigenvalues of T are the smallest coefficients. If only these are computed, a second search,
-from another start and outside the first subspace, determines the size up to which all coefficients
-are known. SLEPc is used with a factorisation. With multigrid, Davidson's method
+from another start and outside the first subspace, determines the magnitude of F up to which the
+list is complete. SLEPc is used with a factorisation. With multigrid, Davidson's method
 (`davidson`) takes one cycle per step, whereas SLEPc would need about twenty for each solve.
 """
 
@@ -211,7 +211,7 @@ def critical_friction(
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
     """Return ``direct`` or ``amg``, as requested or chosen by size. Collective.
 
-    Multigrid is chosen for large bodies if each row has a node of its own.
+    Multigrid is chosen for large bodies if each row has a node of its own (`held_multigrid`).
     """
     kind = _requested(solver)
     if kind != "auto":
@@ -223,7 +223,14 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
 def held_body(
     eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
 ) -> HeldBody | HeldMultigrid:
-    """Return the body with fixed rows and the solver chosen by `solver_of_body`. Collective."""
+    """Return a solver of the body with some jump components held at zero. Collective.
+
+    Args:
+        eq: contact problem.
+        u: displacement at which the stiffness is evaluated.
+        rows: matrices of the held jump components.
+        kind: ``direct`` or ``amg``, as chosen by `solver_of_body`.
+    """
     if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
@@ -233,7 +240,13 @@ def held_body(
 
 
 def takes_all(dense: bool | None, number: int, kind: str) -> bool:
-    """Return whether all coefficients are computed for a given number of points."""
+    """Return whether all coefficients are computed, rather than only the smallest.
+
+    Args:
+        dense: request of the user; if None, the number of points decides.
+        number: number of slipping points.
+        kind: solver of the body, ``direct`` or ``amg``.
+    """
     return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
@@ -251,11 +264,11 @@ class _PressureByShear:
         self._cycles = 0
 
     def solve(self, shear: Array, *start: Array) -> tuple[Array, Array]:
-        """Return the owned displacement and the pressures caused by the shears of this rank.
+        """Return the displacement and the pressures caused by shears, on this rank.
 
         Args:
-            shear: shears f.
-            start: initial displacement for multigrid.
+            shear: shears f at the slipping points of this rank.
+            start: initial guess of the displacement for multigrid.
         """
         self._f.array[:] = shear
         self._slip.D.multTranspose(self._f, self._u)
@@ -264,14 +277,14 @@ class _PressureByShear:
 
     @property
     def work(self) -> tuple[int, int]:
-        """Number of multigrid solves, and number of all multigrid cycles."""
+        """Numbers of multigrid solves and of all multigrid cycles; 0 with a factorisation."""
         body = self._body
         if isinstance(body, HeldMultigrid):
             return body.solves, body.iterations + self._cycles
         return 0, 0
 
     def _respond(self, shear: Array, *start: Array) -> Array:
-        """Return shears, slips and pressures of this rank, shape (3, m)."""
+        """Return shears, and the slips and pressures caused by them, on this rank, shape (3, m)."""
         shear = shear.copy()
         u, pressure = self.solve(shear, *start)
         self._u.array[:] = u
@@ -281,18 +294,21 @@ class _PressureByShear:
     def _gathered(
         self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
     ) -> SlipModes:
-        """Apply ``modes`` to shears, slips, pressures and softness, gathered from all ranks."""
+        """Return the result of ``modes`` for the gathered shears, slips, pressures and softness."""
         columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
         return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 
     def all(self) -> SlipModes:
-        """Return all eigenvalues of T, with slips and shears."""
+        """Return all coefficients, from all eigenvalues of T, with their slips and shears."""
         D = self._slip.D
         slips, pressures = self._body.respond(columns_of(D), D)
         return on_gathered(self.comm, SlipModes.of_matrix, slips, pressures, self._softness)
 
     def smallest(self, count: int) -> SlipModes:
-        """Return at least ``count`` coefficients; more if none has a slip of one sign."""
+        """Return at least ``count`` coefficients F of smallest magnitude.
+
+        More are computed if none of them has a slip of one sign.
+        """
         body = self._body
         if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
             return self._by_davidson(body, count)
@@ -305,12 +321,12 @@ class _PressureByShear:
     # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
-        """Compute the eigenvalues of T of largest magnitude, one after the other.
+        """Compute the eigenvalues of T in order of decreasing magnitude.
 
-        An unfinished search for the next eigenvalue still gives an upper bound of the magnitudes
-        not yet found. Among close eigenvalues it may find one that is not the largest. With the
-        slips E f and the pressures T f of the kept shears f, the eigenvalues of T on their span are
-        the eigenvalues of (f^T E f)^-1 f^T E T f.
+        An unfinished search for the next eigenvalue still gives an upper bound of the remaining
+        magnitudes. Among close eigenvalues it may find one that is not the largest. Let the columns
+        of f be the shears found so far, E f their slips and T f their pressures. On the span of f,
+        the eigenvalues of T are the eigenvalues of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -333,7 +349,7 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Return the magnitude of the smallest F that the next search could find."""
+        """Estimate the magnitude up to which no F is missing by a rough search for the next one."""
         if search.number >= self._slip.number:
             return np.inf
         search.begin()
@@ -342,7 +358,12 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[Array], known: float) -> SlipModes:
-        """Return the eigenvalues of T on a subspace of shears with known slips and pressures."""
+        """Return the eigenvalues of T on a subspace of shears.
+
+        Args:
+            seen: shears, slips and pressures of each vector of the basis, shape (3, m) each.
+            known: magnitude below which no F is missing.
+        """
 
         def modes(f: Array, slips: Array, pressures: Array, softness: Array) -> SlipModes:
             values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
@@ -383,10 +404,11 @@ class _PressureByShear:
         y.array[:] = self.solve(x.array_r)[1]
 
     def _known_up_to(self, T: PETSc.Mat, subspace: list[PETSc.Vec]) -> float:
-        """Return the magnitude of the smallest F outside an invariant subspace; 0 if none is found.
+        """Return the magnitude up to which no F is missing, by a search outside a subspace.
 
-        Outside the subspace T has its remaining eigenvalues. This search starts from another random
-        vector, so that it finds eigenvalues missed by the first search.
+        The subspace is invariant, so that the remaining eigenvalues of T are found outside it. The
+        search starts from another random vector and therefore finds eigenvalues missed by the first
+        search. The result is 0 if it finds none.
         """
         if len(subspace) >= self._slip.number:
             return np.inf
@@ -397,7 +419,16 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if largest > 0 else np.inf
 
     def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
-        """Search for the largest eigenvalues outside a subspace; return the EPS object."""
+        """Search for the eigenvalues of T of largest magnitude outside a subspace.
+
+        Args:
+            T: matrix-free operator.
+            count: number of eigenvalues.
+            without: basis of the subspace.
+
+        Returns:
+            SLEPc's EPS object after the solve.
+        """
         SLEPc = optional("slepc4py.SLEPc", "solver")
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(T)
@@ -421,6 +452,10 @@ def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
     """Return the slip of each point under a unit force, shape (m,). Collective.
 
     All other points are held.
+
+    Args:
+        D: matrix of the slips, one row per point.
+        K: stiffness of the body.
     """
     first, columns, values = D.getValuesCSR()
     squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)

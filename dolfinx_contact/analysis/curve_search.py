@@ -86,7 +86,7 @@ class _Search:
     # -- segments --------------------------------------------------------------------------------
 
     def of(self, codes: Codes) -> list[Segment]:
-        """Return the curve segments of a border."""
+        """Return all segments of curves that lie on a border, given by its statuses (`Frame`)."""
         key = codes.tobytes()
         if key not in self._segments:
             frame = Frame(self.family, codes)
@@ -118,7 +118,7 @@ class _Search:
         return found
 
     def begin(self, codes: Codes, mu: float) -> None:
-        """Add the segments of a border at one mu to the queue."""
+        """Queue the segments of a border whose intervals contain a given mu."""
         segments = [s for s in self.of(codes) if s.low - self.near <= mu <= s.high + self.near]
         if not segments:
             raise ValueError(f"the border to be followed has no state at mu = {mu:g}")
@@ -168,7 +168,10 @@ class _Search:
         return Meeting(mu, gamma, left, right, bool(singular), choices is not None)
 
     def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[Segment, int]]:
-        """Yield the segments of a border that end at a state, with the end: -1 lower, 1 upper."""
+        """Yield the segments of a border that end at the state ``w``.
+
+        Each is paired with -1 if its lower end is at this state, 1 if its upper end is.
+        """
         for s in self.of(codes):
             for side, end in ((-1, s.low), (1, s.high)):
                 if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):
@@ -185,7 +188,7 @@ class _Search:
         return float(max(k * np.abs(w[:, :2]).max(), np.abs(w[:, 2:]).max()))
 
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
-        """Return all borders containing a state; None if there are too many."""
+        """Return all borders that contain the state ``w``; None if there are too many."""
         f = self.family
         tolerance = _HELD * self._size(w)
         held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]
@@ -211,7 +214,14 @@ class _Search:
     def _far_end(
         self, frame: Frame, which: int, mu: float, w: Array
     ) -> Iterator[tuple[Codes, Array]]:
-        """Yield the border at the other end of the line of states in a singular piece."""
+        """Yield the border at the other end of a line of states, with the state there.
+
+        Args:
+            frame: border at this end of the line.
+            which: side of this border (0 or 1) on which the piece is singular.
+            mu: second parameter.
+            w: state at this end, shape (m, 4).
+        """
         f = self.family
         codes = frame.piece(which)
         A, E = f.columns(codes)
@@ -258,7 +268,7 @@ class _Search:
         return EventCurves(tuple(curves), tuple(meetings))
 
     def _pairs(self, meeting: Meeting) -> Iterator[tuple[Segment, Segment]]:
-        """Yield pairs of a left and a right segment that continue each other at a meeting point."""
+        """Yield pairs (left, right) of segments that form one curve through a meeting point."""
         left, right = (
             [s for s in part if s in self._done] for part in (meeting.left, meeting.right)
         )

@@ -51,17 +51,17 @@ class Davidson:
     Args:
         A: symmetric positive definite matrix.
         cycle: multigrid cycle M, symmetric and positive definite.
-        E: matrix of m rows; consumed.
-        G: matrix of m rows; consumed.
-        loads: magnitudes of the entries of a random vector f in the local rows; a search begins
-            with M E^T f.
+        E: matrix with m rows, which `destroy` also destroys.
+        G: matrix with m rows, which `destroy` also destroys.
+        loads: magnitudes of the entries of the random vector f with which a search begins, in the
+            rows of this rank; the first basis vector is M E^T f.
 
     Attributes:
         cycles: number of multigrid cycles so far.
-        number: number of kept vectors.
-        largest: largest modulus |mu| of the kept vectors.
-        size: modulus |mu| of the current search.
-        off: residual norm (r^T M r)^(1/2) of the current search, for w^T A w = 1.
+        number: number of converged vectors, which `keep` has added to the basis.
+        largest: largest |mu| of the converged vectors.
+        size: |mu| of the leading Ritz pair in the current search.
+        off: residual norm (r^T M r)^(1/2) of this Ritz pair, for w^T A w = 1.
         error: estimated error of mu: residual norm times the condition number 1 / |z^T w| of the
             eigenvalue with the left Ritz vector z (G. W. Stewart and J. Sun, Matrix Perturbation
             Theory, 1990, ch. IV).
@@ -90,7 +90,7 @@ class Davidson:
         self._leading: tuple[complex, Complex] = (0.0, np.zeros(0, dtype=complex))
 
     def begin(self) -> None:
-        """Begin a search for the largest eigenvalue outside the kept vectors."""
+        """Begin a search for the largest eigenvalue outside the span of the converged vectors."""
         room = self.number + _ROOM + 2
         if room > self._columns.shape[1]:
             kept = self._columns[:, : self.number]
@@ -142,7 +142,7 @@ class Davidson:
         """Keep the Ritz vector of the search, or the two vectors of a complex pair.
 
         Returns:
-            Forces f = G w of the kept vectors w, shape (m, 1 or 2), and the approximation of
+            Forces f = G w of the new vectors w, shape (m, 1 or 2), and the approximations of
             A^-1 E^T f in the basis.
         """
         first = self.number
@@ -155,7 +155,11 @@ class Davidson:
         return f, w @ self._sum(e.T @ f)
 
     def _ritz(self) -> tuple[Complex, Complex, float]:
-        """Return Ritz values by decreasing modulus, vectors, and the condition of the first."""
+        """Return the Ritz pairs of the search in order of decreasing modulus.
+
+        Returns:
+            Ritz values; their vectors in the basis; and the condition number of the first value.
+        """
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
 
@@ -169,7 +173,10 @@ class Davidson:
         return on_root(self.comm, by_size)
 
     def _residual(self, force: Array) -> Array:
-        """Return E^T f minus its projection on the basis; f = G w of a Ritz vector gives r."""
+        """Return E^T f minus its projection on the basis.
+
+        For f = G w with a Ritz vector w this is the residual r.
+        """
         _, Aw, e, _ = self._parts(0)
         return self._load(force) - Aw @ self._sum(e.T @ force)
 
@@ -224,7 +231,7 @@ class Davidson:
         self._columns[:, first : self._used] = new
 
     def _parts(self, first: int) -> list[Array]:
-        """Return the columns of W, A W, E W and G W from ``first`` on."""
+        """Return the columns of W, A W, E W and G W, without the first ``first`` ones."""
         n = self._w.getLocalSize()
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)
@@ -245,5 +252,5 @@ class Davidson:
 
 
 def _real_parts(value: complex, vector: Complex) -> list[Array]:
-    """Return one real vector for a real eigenvalue, two for a complex pair."""
+    """Return the real vectors of an eigenvalue: one if it is real, two for a complex pair."""
     return [vector.real, vector.imag] if value.imag else [vector.real]

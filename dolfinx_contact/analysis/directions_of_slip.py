@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction in 3D as a function of the sliding direction.
 
-For each direction d in the plane of contact, all points slip along d, and the critical coefficients
-are the eigenvalues F of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to slip against d
-and F < 0 to slip along d, so that half a circle of directions is sufficient. Friction is isotropic
-and acts against the slip; transverse slip is prevented.
+For each direction d in the plane of contact, all points slip along d. A slip v d causes the shears
+S_dd v along d and the pressures S_nd v. The critical coefficients are the eigenvalues F of S_dd v =
+F S_nd v (`critical_friction`). F > 0 belongs to slip against d and F < 0 to slip along d, so that
+half a circle of directions is sufficient. Friction is isotropic and acts against the slip;
+transverse slip is prevented.
 """
 
 from __future__ import annotations
@@ -52,13 +53,13 @@ class FrictionByDirection:
     """Critical friction of a sliding body as a function of the slip direction.
 
     Attributes:
-        angles: angles of the directions, measured from the first vector of `basis` towards the
+        angles: angles of the k directions, measured from the first vector of `basis` towards the
             second, shape (k,).
         directions: unit vectors along which the body slips, shape (k, 3).
-        friction: smallest coefficient with a real slip of one sign for each direction, shape (k,);
-            infinite if none was found up to `known_up_to`.
-        known_up_to: coefficient below which the search is complete for each direction, shape (k,);
-            infinite if all coefficients were computed.
+        friction: for each direction, the smallest coefficient with a real slip of one sign, shape
+            (k,); infinite if none was found up to `known_up_to`.
+        known_up_to: for each direction, the coefficient below which the search is complete, shape
+            (k,); infinite if all coefficients were computed.
         basis: two unit vectors that span the plane of contact, shape (2, 3).
     """
 
@@ -159,8 +160,9 @@ def critical_friction_by_direction(
 class _AllTangents:
     """Response of the contact points to forces along all tangents. Collective.
 
-    With all normal displacements held, unit forces along the tangents cause the slips C and the
-    pressures P. If slip is free along d and held otherwise, S_dd = d^T C^-1 d and S_nd = P C^-1 d.
+    With all normal displacements held, a unit force along each tangent causes the slips in a column
+    of C and the pressures in a column of P. If slip is free along d and held otherwise, S_dd =
+    d^T C^-1 d and S_nd = P C^-1 d.
 
     Args:
         problem: contact problem.
@@ -168,7 +170,8 @@ class _AllTangents:
 
     Attributes:
         number: number of points in contact.
-        held: whether these points hold the body in the normal direction.
+        held: whether the body has no free rigid motion if the normal displacements of these points
+            are held.
         solver: solver of the body, ``direct`` or ``amg``.
     """
 
@@ -188,7 +191,7 @@ class _AllTangents:
         self.solver = solver_of_body(eq, [self._N], solver)
 
     def coefficients(self, direction: Array) -> Array:
-        """Return all F with a real slip of one sign along a direction; requires `held`."""
+        """Return all F for which a direction has a real slip of one sign; requires `held`."""
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)
@@ -225,7 +228,11 @@ class _AllTangents:
 
 
 def plane_across(normal: Array) -> Array:
-    """Return two orthonormal tangents of shape (2, 3); the first is near the x axis (or y axis)."""
+    """Return two orthonormal tangents, shape (2, 3).
+
+    The first is the x axis projected onto the tangent plane, or the y axis if the normal is close
+    to the x axis.
+    """
     axis = np.eye(3)[0] if abs(normal[0]) < 0.9 else np.eye(3)[1]
     first = axis - (axis @ normal) * normal
     first /= np.linalg.norm(first)

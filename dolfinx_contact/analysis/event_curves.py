@@ -31,7 +31,7 @@ class Segment:
     """Part of a curve with constant statuses.
 
     Attributes:
-        frame: border on which the segment lies.
+        frame: border (`family`) on which the segment lies.
         low: smallest mu.
         high: largest mu.
         kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
@@ -44,7 +44,7 @@ class Segment:
 
     @property
     def statuses(self) -> tuple[str, str]:
-        """Statuses on the two sides, as letters of the points."""
+        """Statuses on both sides of the curve, as strings with one letter per contact point."""
         return status.word(self.frame.piece(0)), status.word(self.frame.piece(1))
 
 
@@ -57,8 +57,9 @@ class Meeting:
         gamma: load parameter.
         left: segments ending here, at smaller mu.
         right: segments ending here, at larger mu.
-        singular: True if the segments end at the two ends of a line of states in a singular piece;
-            False for a single state with two active borders.
+        singular: True if a singular piece contains a line of states with this mu and gamma, at
+            whose two ends the segments end; False if they end at a single state in which two
+            points are at a border.
         complete: False if too many points are at a border to follow all segments.
     """
 
@@ -99,7 +100,7 @@ class EventCurve:
         return float("nan") if segment is None else segment.frame.gamma(mu)
 
     def statuses_at(self, mu: float) -> tuple[str, str]:
-        """Return the statuses on the two sides at mu, as letters of the points.
+        """Return the statuses on both sides at mu, as strings with one letter per contact point.
 
         Raises:
             ValueError: if mu is outside the span.
@@ -115,11 +116,11 @@ class EventCurve:
 
     @property
     def breaks(self) -> Array:
-        """Values of mu between which two curves cross at most once: sixteen in each segment."""
+        """Values of mu, sixteen per segment, between which two curves should cross at most once."""
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
-        """Return points (mu, gamma), shape (n, 2), with ``number`` steps per segment."""
+        """Return n points (mu, gamma) with ``number`` intervals per segment, shape (n, 2)."""
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
@@ -171,7 +172,7 @@ class EventCurves:
         return tuple(sorted(found))
 
     def folds_at(self, mu: float) -> list[float]:
-        """Return gamma of all folds at mu, in decreasing order."""
+        """Return the values of gamma on all curves of folds at mu, in decreasing order."""
         there = (c.at(mu) for c in self.folds)
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
 

@@ -6,14 +6,14 @@ The unknowns at m contact points are w = (ut, un, rt, rn), with
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 
 and Coulomb's law at every point. mu is the friction coefficient, or a second load. In a piece every
-point has a status; on a *border* one point is between two statuses (`laws.coulomb`). For every mu,
-the unknowns z of the points and gamma solve
+point has a status; on a *border* one point is between two statuses (`laws.coulomb`). There the
+state is w = B(mu) z with 2 m - 1 unknowns z. Let M w = S a - r. For every mu, z and gamma solve
 
     [M B(mu), -q] (z, gamma) = p + mu v,
 
 a system of 2 m equations whose matrix is affine in mu. Hence gamma and the slacks of all
-inequalities are rational functions of mu. Let G(mu) = G + t E at mu = c + t. A function s(mu) (z,
-gamma) - b vanishes where
+inequalities are rational functions of mu. At mu = c + t, let G + t E be the matrix and h + t h' the
+right-hand side. A function (s + t s') (z, gamma) - b vanishes where
 
     det (P_0 + t P_1) = det [[G + t E, h + t h'], [s + t s', b]] = 0,
 
@@ -88,7 +88,11 @@ class ContactFamily:
         vars(self).update(state, comm=MPI.COMM_SELF)
 
     def are_small(self, slips: Iterable[Array]) -> bool:
-        """Return whether the slips of solutions, shape (m,) each, are within `reach`."""
+        """Return whether all slips are within `reach`.
+
+        Args:
+            slips: slips of each solution, shape (m,) each.
+        """
         reach = self.reach
         return reach is None or all(bool(np.all(np.abs(slip) <= reach)) for slip in slips)
 
@@ -99,16 +103,19 @@ class ContactFamily:
 
     @cached_property
     def frictionless(self) -> Mask:
-        """Points without friction at any mu; if closed, they have the code `PLUS` of a slip."""
+        """Mask of the points without friction at every mu, shape (m,).
+
+        If closed, such a point has the status `PLUS`, as if it slipped.
+        """
         return np.asarray((self.friction == 0) & (self.friction_rate == 0))
 
     @cached_property
     def size(self) -> float:
-        """Typical stiffness that converts displacements to forces in comparisons."""
+        """Mean diagonal entry of S, which converts displacements to forces in comparisons."""
         return float(np.abs(np.diag(self.S)).mean())
 
     def problem(self, mu: float, gamma: float) -> ReducedProblem:
-        """Return the problem at (mu, gamma) with error bounds.
+        """Return the reduced problem at (mu, gamma), with error bounds.
 
         Raises:
             ValueError: if S is not proved to be positive definite within its error bounds.
@@ -122,20 +129,24 @@ class ContactFamily:
         return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
-        """Return the matrix B of a status or border at point i, shape (4, unknowns)."""
+        """Return the block of B(mu) for point ``i`` with a given status or border.
+
+        It maps the unknowns of the point to its state (ut, un, rt, rn); shape (4, unknowns).
+        """
         F = self.friction[i] + mu * self.friction_rate[i]
         constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return the map from the unknowns of a piece or border to w, shape (m, 4, unknowns)."""
+        """Return B(mu), mapping the unknowns of a piece or border to w, shape (m, 4, unknowns)."""
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
         """Return the inequalities (C_0 + mu C_1) w >= 0 of a status at point i.
 
-        Each one is a tuple of C_0, C_1 and the status that follows its violation.
+        Each one is a tuple of C_0, C_1, and the status that the point takes instead if the
+        inequality is violated.
         """
         if self.frictionless[i]:
             return WITHOUT_FRICTION[code]
@@ -144,7 +155,7 @@ class ContactFamily:
         return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
-        """Return M B_0 and M B_1 of the matrix M (B_0 + mu B_1), shape (2 m, unknowns) each."""
+        """Return M B_0 and M B_1, where B(mu) = B_0 + mu B_1, shape (2 m, unknowns) each."""
         at_0, at_1 = (
             self.S @ B[:, :2].reshape(len(self.S), -1) - B[:, 2:].reshape(len(self.S), -1)
             for B in (self.bases(codes, 0.0), self.bases(codes, 1.0))
@@ -152,11 +163,18 @@ class ContactFamily:
         return at_0, at_1 - at_0
 
     def state(self, codes: Codes, z: Array, mu: float) -> Array:
-        """Return w (m, 4) for the unknowns z of a piece or border."""
+        """Return the state w for the unknowns z of a piece or border, shape (m, 4)."""
         return np.asarray(self.bases(codes, mu) @ z)
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
-        """Return the statuses and borders whose cones contain the state w (4,) of point i."""
+        """Return the codes of all statuses and borders whose cones contain the state of a point.
+
+        Args:
+            i: index of the point.
+            w: state (ut, un, rt, rn) of the point, shape (4,).
+            mu: second parameter.
+            tolerance: distance from a cone that counts as zero, a force.
+        """
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
         for code in range(FIRST_BORDER + len(BORDERS)):
@@ -192,7 +210,7 @@ class Frame:
         self._slacks = self._functions()
 
     def _functions(self) -> tuple[Array, Array]:
-        """Return s_0 and s_1 of the slacks (s_0 + mu s_1) (z, gamma), shape (slacks, 2 m) each."""
+        """Return s_0 and s_1 of shape (slacks, 2 m); the slacks are (s_0 + mu s_1) (z, gamma)."""
         f = self.family
         B_0 = f.bases(self.codes, 0.0)
         B_1 = f.bases(self.codes, 1.0) - B_0
@@ -226,13 +244,13 @@ class Frame:
         return None if y is None else self.family.state(self.codes, y[:-1], mu)
 
     def slacks(self, mu: float) -> Array:
-        """Return all slacks at mu; NaN if the matrix is singular."""
+        """Return the slacks of all inequalities at mu; NaN if the matrix is singular."""
         y = self.solve(mu)
         s_0, s_1 = self._slacks
         return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
 
     def is_inside(self, mu: float) -> bool:
-        """Return whether the state at mu satisfies all inequalities."""
+        """Return whether the state at mu strictly satisfies all inequalities."""
         slacks = self.slacks(mu)
         return bool(np.isfinite(slacks).all() and slacks.min(initial=np.inf) > 0)
 
@@ -265,7 +283,10 @@ class Frame:
         return np.array(sorted(inside), dtype=float)
 
     def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
-        """Improve a root by Newton's method; return it unchanged if Newton's method fails."""
+        """Improve a root mu of (s_0 + mu s_1) (z, gamma) = target by Newton's method.
+
+        If Newton's method fails, the root is returned unchanged.
+        """
         f = self.family
         best = mu
         least = np.inf
@@ -288,19 +309,22 @@ class Frame:
     # -- the pieces on either side ---------------------------------------------------------------
 
     def piece(self, which: int) -> Codes:
-        """Return the statuses of the piece on side ``which`` (0 or 1), shape (m,)."""
+        """Return the statuses of the piece on one side of the border (0 or 1), shape (m,)."""
         codes = self.codes.copy()
         codes[self.point] = self.pair[which]
         return codes
 
     def turns(self, which: int, span: tuple[float, float]) -> Array:
-        """Return the increasing values of mu in an interval at which one piece is singular."""
+        """Return all mu in an interval at which the piece on one side is singular, in order."""
         A, E = self.family.columns(self.piece(which))
         pencil = _Pencil.within(A, E, span)
         return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
 
     def sense(self, which: int, mu: float) -> float:
-        """Return the sign of the change of gamma into one piece; 0 if the piece is singular."""
+        """Return the sign of dgamma for solutions entering the piece on one side of the border.
+
+        It is 0 if the piece is singular.
+        """
         f = self.family
         codes = self.piece(which)
         A, E = f.columns(codes)
@@ -320,12 +344,18 @@ class Frame:
         return float(np.sign((C_0 + mu * C_1) @ dw))
 
     def kind(self, mu: float) -> str:
-        """Return ``"fold"`` if solutions turn back in gamma, otherwise ``"event"``."""
+        """Return ``"fold"`` if gamma turns back at the border, otherwise ``"event"``."""
         return "fold" if self.sense(0, mu) == self.sense(1, mu) else "event"
 
 
 class _Pencil:
-    """Matrix pencil G + mu E with its inverse at a regular centre; E has few nonzero columns."""
+    """Matrix pencil G + mu E, in which E has few nonzero columns.
+
+    Args:
+        E: derivative of the matrix with respect to mu.
+        inverse: inverse of the matrix at the centre.
+        center: mu at which the matrix is regular.
+    """
 
     def __init__(self, E: Array, inverse: Array, center: float):
         self.E = E
@@ -336,7 +366,7 @@ class _Pencil:
 
     @classmethod
     def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
-        """Return the pencil with a regular centre in an interval; None if no centre is found."""
+        """Return the pencil with a centre in an interval; None if no tried centre is regular."""
         for part in _PARTS:
             center = span[0] + part * (span[1] - span[0])
             A = G + center * E
@@ -366,7 +396,7 @@ class _Pencil:
     def roots(
         self, p: Array, v: Array, s: Array, slope: Array, target: float, span: tuple[float, float]
     ) -> list[float]:
-        """Return all mu with (s + mu slope) y = target, where (G + mu E) y = p + mu v."""
+        """Return all mu in ``span`` with (s + mu slope) y = target, (G + mu E) y = p + mu v."""
         y = self.inverse @ (p + self.center * v)
         row = s + self.center * slope
         value = float(row @ y - target)

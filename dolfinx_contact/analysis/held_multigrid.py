@@ -104,12 +104,12 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
 
 
 def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Array:
-    """Return the sum of (v.w)^2 over all rows w at the node of each vector v. Collective.
+    """Sum (v.w)^2 over the entries w of all rows at the node of v, for each vector v. Collective.
 
     Args:
         rows: matrix R.
-        at: entries v of a row at a node, shape (k, dim).
-        entry: index of v for each matrix entry of this rank.
+        at: vectors v, each containing the entries of one row at one node, shape (k, dim).
+        entry: index of the vector v that contains each matrix entry of this rank.
 
     Returns:
         Sums of squares, shape (k,).
@@ -136,7 +136,8 @@ class HeldMultigrid:
         eq: contact problem.
         u: displacement of this rank at which the stiffness is evaluated.
         rows: blocks of R, without the columns of Dirichlet data.
-        prefix: prefix of PETSc options; solves append ``held_``, the hierarchy appends ``amg_``.
+        prefix: prefix of PETSc options, followed by ``held_`` for the Krylov method and ``amg_``
+            for the multigrid hierarchy.
 
     Attributes:
         solves: number of solves so far.
@@ -209,15 +210,15 @@ class HeldMultigrid:
         return [u, *np.split(p, np.cumsum(self._sizes)[:-1])]
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
-        """Solve for many loads b, one after the other, as `HeldBody.respond`.
+        """Solve for k loads b, one after the other, as `HeldBody.respond` does.
 
         Args:
-            loads: sparse matrix with one load per column, owned rows, shape (n, k).
-            seen: matrix that is applied to the displacements.
+            loads: sparse matrix with one load per column, shape (n, k) for n owned dofs.
+            seen: matrix with m owned rows, by which the displacements are multiplied.
 
         Returns:
-            Product of ``seen`` and the displacements, owned rows, shape (m, k), and multipliers
-            (forces) of the first block, shape (n_1, k).
+            Products of ``seen`` and the displacements, shape (m, k), and the multipliers (forces)
+            of the n_1 owned rows of the first block, shape (n_1, k).
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -230,7 +231,7 @@ class HeldMultigrid:
         return motions, forces
 
     def leaves_alone(self, D: PETSc.Mat) -> bool:
-        """Return True if R_o D^T = 0: forces D^T f act only on free motions. Collective."""
+        """Return True if R_o D^T = 0, so that forces D^T f act only on free motions. Collective."""
         transposed = D.transpose(PETSc.Mat())
         forces = self._own.matMult(transposed)
         off = forces.norm(PETSc.NormType.NORM_INFINITY)

@@ -45,12 +45,13 @@ class LoadCycles:
 
     Attributes:
         start: name of the initial state.
-        factor: factor of the loads.
-        ending: "rest", "alternating slip", "ratcheting", or "not decided" after the last cycle.
+        factor: load factor.
+        ending: behaviour found after the last cycle: "rest", "alternating slip", "ratcheting" or
+            "not decided".
         dissipation: frictional dissipation of every cycle.
         slid: largest slip increment of a step in the last cycle, at points with friction.
         lifts: whether a point opened or closed in the last cycle.
-        loads: loads of the steps of a cycle, shape (n, dim m).
+        loads: loads at the n steps of a cycle on m points, shape (n, dim m).
         before: displacements at the beginning of the last cycle, shape (m, dim).
         displacements: displacements after each step of the last cycle, shape (n, m, dim).
         forces: forces after each step of the last cycle, shape (n, m, dim).
@@ -73,7 +74,7 @@ class LoadCycles:
         return len(self.dissipation)
 
     def __str__(self) -> str:
-        """Return the start, the ending, and the frictional dissipation of the last cycle."""
+        """Return the initial state, `ending`, and the frictional dissipation of the last cycle."""
         work = f"{self.dissipation[-1]:.4g} dissipated in the last"
         lifts = ", points open and close" if self.lifts else ""
         ends = f"{self.ending} in cycle {self.number}"
@@ -87,11 +88,11 @@ def step_cycles(
 
     Args:
         points: contact points with their stiffness and laws.
-        loads: loads of the steps of a cycle, shape (n, dim m); the last one is also the load at
-            the start of the cycle.
+        loads: loads at the n steps of a cycle on m points, shape (n, dim m); the last one is also
+            the load at the start of the cycle.
         first: displacements and forces at the start, shape (m, dim) each.
         start: name of the initial state, stored in the result.
-        factor: factor of the loads, stored in the result.
+        factor: load factor, stored in the result.
         cycles: largest number of cycles.
 
     Raises:

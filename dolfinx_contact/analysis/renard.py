@@ -89,7 +89,7 @@ class Renard:
     """Result of Renard's criterion for a solution.
 
     Attributes:
-        factor: factor of the friction coefficients below which a solution with these directions of
+        factor: factor on the friction coefficients below which a solution with these directions of
             slip and shear is unique; infinite without friction, or if no point slips or is in
             contact.
         friction: corresponding coefficient F_R; None if the coefficient varies between points.
@@ -127,7 +127,9 @@ def renard_criterion(
     dense: bool | None = None,
     weights: bool = False,
 ) -> Renard:
-    """Compute the friction up to which the solution in the Functions is unique. Collective.
+    """Compute Renard's bound on the friction below which the solution is unique. Collective.
+
+    The solution is the one in the Functions, unless ``directions`` are given.
 
     Args:
         problem: solved contact problem, nodal or mixed, with a linear bulk and Coulomb's law, or a
@@ -135,8 +137,14 @@ def renard_criterion(
         directions: function mapping positions of shape (n, dim) to tangential vectors xi of shape
             (n, dim) with lengths up to 1; for solutions that are not known. Default: the directions
             of the solution in the Functions.
-        dense: whether dense matrices are used; by default for small eigenproblems.
-        weights: whether to search for weights that increase the factor; uses dense matrices.
+        dense: whether to use dense matrices. Default: for up to 1200 components of jumps, and with
+            ``weights``.
+        weights: whether to search for weights that increase `Renard.factor`; needs dense matrices.
+            Default: False.
+
+    Returns:
+        Factor on the friction coefficients below which the solution is unique, with the conditions
+        of the criterion.
 
     Raises:
         ValueError: on every rank, for another law or bulk, invalid directions, or weights without
@@ -169,18 +177,17 @@ def criterion_at(
     enough: float = np.inf,
     seconds: float = np.inf,
 ) -> Renard:
-    """Evaluate the criterion at a state of an admissible problem; see `renard_criterion`.
-
-    Collective.
+    """Evaluate Renard's criterion at a state of an admissible problem. Collective.
 
     Args:
         eq: contact problem.
         evaluation: evaluation of the state.
-        directions: function returning xi; by default the directions of the state are used.
-        dense: whether dense matrices are used; by default for small eigenproblems.
-        effort: number of iterations of the search for weights (`WeightedForm.largest`), which
-            requires dense matrices; 0 for no search.
-        enough: factor at which the search for weights ends.
+        directions: function that maps positions to xi, as for `renard_criterion`; default: the
+            directions of slip and shear at the state.
+        dense: whether to use dense matrices. Default: for up to 1200 components of jumps.
+        effort: largest number of iterations in each search for weights (`WeightedForm.largest`),
+            which requires dense matrices; 0 for no search.
+        enough: friction factor at which the search for weights ends.
         seconds: time limit of the search for weights in seconds.
     """
     slope = _slopes(eq, evaluation)
@@ -208,7 +215,7 @@ def criterion_at(
 
 
 def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
-    """Return the coefficients of friction at the points of this rank, shape (n,)."""
+    """Return the friction coefficients at the points of this rank; 0 for a prescribed bound."""
     slopes = []
     for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
@@ -219,7 +226,10 @@ def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
 
 
 def _of_solution(eq: ContactEquations, evaluation: Evaluation, slope: Array) -> Array:
-    """Return the directions xi of a solution at the points of this rank (n, dim). Collective."""
+    """Return the directions xi of a solution at the n points of this rank, shape (n, dim).
+
+    Collective.
+    """
     n = point_normals(eq)
     _, ut = split(n, np.concatenate([s.jump for s in evaluation.surfaces]))
     tension, rt = split(n, np.concatenate([s.traction for s in evaluation.surfaces]))
@@ -233,7 +243,10 @@ def _of_solution(eq: ContactEquations, evaluation: Evaluation, slope: Array) -> 
 
 
 def _given(eq: ContactEquations, directions: Field) -> Array:
-    """Return the tangential parts of the directions given by the user (n, dim). Collective."""
+    """Return the tangential parts of the user's directions on this rank, shape (n, dim).
+
+    Collective.
+    """
     x = np.concatenate([s.positions for s in eq.surfaces])
     n = point_normals(eq)
     with everywhere(eq.comm, "directions"):
@@ -252,7 +265,7 @@ class _Form:
         friction: F xi at the points of this rank, shape (n, dim).
 
     Attributes:
-        number: number of components.
+        number: number of free components on all ranks.
         definite: whether the stiffness of the body is positive definite.
     """
 
@@ -285,7 +298,14 @@ class _Form:
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
-        """Compute the factor using dense matrices; weights may increase it."""
+        """Compute `Renard.factor` using dense matrices.
+
+        Args:
+            effort: largest number of iterations in each search for weights that increase the
+                factor; 0 for no search.
+            enough: factor at which this search ends.
+            seconds: time limit of this search.
+        """
         A, _ = self._free.respond(columns_of(self._R), self._R)
         X = self._X.convert("dense", PETSc.Mat())
         mine = X.getDenseArray(readonly=True).copy()
@@ -307,7 +327,7 @@ class _Form:
         return on_gathered(self.comm, solved, A, mine, self._groups)
 
     def by_slepc(self) -> float:
-        """Compute the factor using products with A and with its inverse, the stiffness."""
+        """Compute `Renard.factor` using products with A and with its inverse, the stiffness."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
         held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.scaling.stiffness)
@@ -345,20 +365,24 @@ class _Form:
 
 
 def _over(largest: float) -> float:
-    """Return the factor 1/largest; infinite if the form vanishes."""
+    """Return 1/largest, the friction factor; infinite if the eigenvalue is not positive."""
     return 1.0 / largest if largest > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class WeightedForm:
-    """Weighted sum of the inequalities at a solution.
+    """Weighted sum of the inequalities at a solution (see the module).
+
+    The sum is the quadratic form of S + f G with the friction factor f, after each row is
+    multiplied by its weight.
 
     Attributes:
-        S: stiffness of the components of the jumps, symmetric positive definite, shape (n, n).
-        G: derivative of the sum with respect to the friction factor, shape (n, n): rows F xi S_n at
-            tangential components, where S_n are the rows of the normal forces; otherwise 0.
-        groups: index of the weight of each component, shape (n,); all tangents of a point share
-            one.
+        S: stiffness of the n free components of the jumps, symmetric positive definite, shape
+            (n, n).
+        G: matrix of friction: the row of a tangential component is F xi times the row of S of the
+            normal force at the same point; other rows are 0; shape (n, n).
+        groups: index of the weight of each component, shape (n,); all tangents of a point have
+            the same weight.
     """
 
     S: Array
@@ -369,7 +393,7 @@ class WeightedForm:
         """Return the interval around a friction factor in which the sum is positive definite.
 
         Args:
-            weights: positive weights of the groups, shape (groups,).
+            weights: positive weights, shape (number of groups,).
             factor: friction factor; if the sum is not definite there, the interval is empty.
         """
         w = weights[self.groups][:, None]
@@ -384,7 +408,7 @@ class WeightedForm:
         return factor - down, factor + up
 
     def largest(self, *, enough: float = _MOST, effort: int = 60, seconds: float = np.inf) -> float:
-        """Return a friction factor up to which weights prove uniqueness.
+        """Search for weights; return the friction factor up to which they prove uniqueness.
 
         Args:
             enough: factor at which the search ends; default: 1000.
@@ -408,7 +432,14 @@ class WeightedForm:
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
-        """Return logarithms of weights with a positive definite sum at ``factor``, or None."""
+        """Return logarithms of weights for which the sum is positive definite, or None.
+
+        Args:
+            logs: initial logarithms.
+            factor: friction factor.
+            effort: largest number of iterations.
+            end: value of `time.monotonic` at which the search ends.
+        """
         R = self.S + factor * self.G
         diagonal = np.diag(R)
         if (diagonal <= 0).any():

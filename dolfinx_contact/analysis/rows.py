@@ -58,7 +58,7 @@ class Problem(Protocol):
         """Equations of the problem."""
 
     def evaluate(self) -> Evaluation:
-        """Evaluate H at the state in the Functions. Collective."""
+        """Evaluate the equations at the state in the Functions. Collective."""
 
 
 def static_equations(problem: Any) -> ContactEquations:
@@ -76,29 +76,35 @@ def static_equations(problem: Any) -> ContactEquations:
 
 
 def point_normals(eq: ContactEquations) -> Array:
-    """Return unit normals into the obstacle at the points of this rank, shape (n, dim)."""
+    """Return unit normals pointing into the obstacle at the points of this rank, shape (n, dim)."""
     return np.concatenate([s.points.data.n for s in eq.surfaces])
 
 
 def free_components(eq: ContactEquations) -> Mask:
-    """Return a mask of the jump components without Dirichlet data on this rank, shape (n, dim)."""
+    """Return a mask of the jump components on this rank without Dirichlet data, shape (n, dim)."""
     parts = zip(eq.constraints.surfaces, eq.surfaces, strict=True)
     return np.concatenate([~c.removed[: s.points.number] for c, s in parts])
 
 
 def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> Mask:
-    """Return a mask of the unit axes along which Dirichlet data leave motion free, shape (n,).
+    """Return a mask of the unit axes along which Dirichlet data allow motion, shape (n,).
 
     Args:
         eq: contact problem.
         axes: unit axes at the points of this rank, shape (n, dim).
-        least: smallest length of the free part of an axis. Default 0.5.
+        least: length that the components of an axis without Dirichlet data must exceed. Default
+            0.5.
     """
     return np.asarray(np.linalg.norm(axes * free_components(eq), axis=1) > least)
 
 
 def split(n: Array, vectors: Array) -> tuple[Array, Array]:
-    """Return the normal components (k,) and the tangential parts (k, dim) of vectors."""
+    """Split vectors into normal components, shape (k,), and tangential parts, shape (k, dim).
+
+    Args:
+        n: unit normals, shape (k, dim).
+        vectors: vectors at the same points, shape (k, dim).
+    """
     normal = np.sum(vectors * n, axis=1)
     return normal, vectors - normal[:, None] * n
 
@@ -110,23 +116,34 @@ def unit(vectors: Array, least: float = 0.0) -> Array:
 
 
 def on_gathered(comm: MPI.Comm, compute: Callable[..., R], *parts: npt.NDArray[Any]) -> R:
-    """Call ``compute`` on rank 0 with the arrays of all ranks concatenated. Collective."""
+    """Call ``compute`` on rank 0 with the concatenated arrays of all ranks. Collective.
+
+    Returns:
+        Result of the call, on every rank.
+    """
     gathered = comm.gather(parts)
     return on_root(comm, lambda: compute(*map(np.concatenate, zip(*gathered, strict=True))))
 
 
 def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the point indices (k,) and directions (k, dim) of all free unit tangents."""
+    """Return unit tangents that span the tangential motions allowed by Dirichlet data.
+
+    Returns:
+        Indices of the points on this rank, shape (k,), and tangents, shape (k, dim).
+    """
     n = point_normals(eq)
     return free_axes(eq, np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n))
 
 
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the point indices (k,) and axes (k, dim) that span the free ranges of projectors.
+    """Return unit axes that span the ranges of projectors, restricted to free components.
 
     Args:
         eq: contact problem.
         projectors: orthogonal projectors at the points of this rank, shape (n, dim, dim).
+
+    Returns:
+        Indices of the points on this rank, shape (k,), and axes, shape (k, dim).
     """
     free = free_components(eq)
     sizes, axes = np.linalg.eigh(projectors * free[:, :, None] * free[:, None, :])
@@ -135,7 +152,9 @@ def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.i
 
 
 def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Array) -> PETSc.Mat:
-    """Return the matrix of jump components along unit vectors. Collective.
+    """Return the matrix that maps displacements to jump components along unit vectors.
+
+    Collective.
 
     Columns with Dirichlet data are zero.
 

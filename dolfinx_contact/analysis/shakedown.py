@@ -75,12 +75,14 @@ class Shakedown:
             the plane; in space, `factor` results from polygons inside the friction discs and
             `upper` from tangents.
         complete: whether all sets of open points were tried; otherwise a larger factor may exist.
-        theorem_holds: whether a theorem guarantees rest from every initial state within `ranges`.
+        theorem_holds: whether a theorem guarantees that the body comes to rest from every initial
+            state, for load factors within `ranges`.
         why: reason for `theorem_holds`.
-        slip: slips of the points at rest (m, dim - 1), ordered by coordinates; 0 at open points and
-            at points without friction.
-        forces: forces at the corners at rest (K, m, dim), tangential and normal, at `factor`.
-        opened: open points at rest, shape (m,).
+        slip: constant slips of the m points in the state at rest with `factor`, ordered by
+            coordinates; 0 at open points and at points without friction; shape (m, dim - 1).
+        forces: forces in this state at the K corners of the cycle, tangential and normal, shape
+            (K, m, dim).
+        opened: mask of the open points in this state, shape (m,).
         limits: descriptions of the conditions that a larger factor would violate.
         cycles: stepped cycles from several initial states.
         seconds: computing time.
@@ -108,7 +110,7 @@ class Shakedown:
         return tuple(c for c in within if c.ending in slips)
 
     def __str__(self) -> str:
-        """Return the bound, whether it is sufficient, and the endings of the cycles."""
+        """Return the bound, whether it is sufficient, and the final behaviour of the cycles."""
         bound = _in_words(self.ranges)
         if self.upper > self.factor * (1 + 1e-6):
             bound += f" (no more than {self.upper:.9g})"
@@ -120,7 +122,7 @@ class Shakedown:
 
 
 def _in_words(ranges: Ranges) -> str:
-    """Describe the factors with states at rest."""
+    """Describe the ranges of load factors with states at rest as text."""
     if not ranges:
         return "no factor has a state at rest"
     if ranges == ((0.0, np.inf),):
@@ -217,7 +219,11 @@ def shakedown(
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """Return the points under the first load; require equal stiffness and friction of all loads."""
+    """Return the contact points under the first load.
+
+    Raises:
+        ValueError: if the stiffness or the friction differs between loads.
+    """
     first = reduced[0]
     size = float(np.abs(first.S).max())
     for points in reduced[1:]:
@@ -279,7 +285,7 @@ def shakedown_of(
 
 
 def _factor_of(ranges: Ranges) -> float:
-    """Return the default factor of the cycles: in the last range, just below its end."""
+    """Return the default load factor of the cycles, just below the end of the last range."""
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -287,7 +293,7 @@ def _factor_of(ranges: Ranges) -> float:
 
 
 def _theorem(points: PointProblem) -> tuple[bool, str]:
-    """Return whether a theorem guarantees rest if a state at rest exists, and the reason."""
+    """Return `Shakedown.theorem_holds` and `Shakedown.why` for contact points."""
     m, d = points.number, points.dim
     rubs = (points.friction > 0) | (points.bound > 0)
     tangents = np.zeros((m, d), dtype=bool)
@@ -323,13 +329,13 @@ def _eliminated(S: Array, free: Mask) -> Array:
 
 
 def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
-    """Return a solution of the static problem: displacements and forces, shape (m, dim)."""
+    """Return a static solution under the load p: displacements and forces, shape (m, dim)."""
     at = replace(points, p=p, S_error=None, p_error=None)
     return one_solution(at, "no solution under the first load")
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Mask) -> tuple[str, ...]:
-    """Describe the points that are at a bound, with the corners of the cycle."""
+    """Describe the points about to open, close or slip, and at which corners of the cycle."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
     rubs = (points.friction > 0) | (points.bound > 0)

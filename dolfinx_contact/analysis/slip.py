@@ -58,8 +58,8 @@ class SlipPattern:
     Attributes:
         closed: points in contact, shape (n,).
         directions: unit slip directions, 0 at sticking points, shape (n, dim).
-        loose: closed points whose shear does not depend on the pressure (n,): without friction, or
-            slipping under a prescribed bound.
+        loose: mask of the closed points whose shear does not depend on the pressure, because they
+            have no friction or slip under a prescribed bound, shape (n,).
     """
 
     closed: Mask
@@ -75,11 +75,14 @@ class SlipPattern:
         *,
         by_law: bool = False,
     ) -> SlipPattern:
-        """Return the slip pattern along one direction or of a state. Collective.
+        """Return the slip pattern of a state, or for slip of all points along one direction.
+
+        Collective.
 
         Args:
             eq: contact problem.
-            direction: slip direction.
+            direction: slip direction as a vector, "solution" for the pattern of ``evaluation``, or
+                None for the tangents (-n_y, n_x) in 2D.
             evaluation: solution, used if ``direction`` is "solution".
             by_law: whether the laws determine the loose points; by default no point is loose.
 
@@ -100,7 +103,7 @@ class SlipPattern:
 
     @staticmethod
     def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
-        """Return unit tangents along a direction; 0 at frictionless points normal to it."""
+        """Return unit tangents along a direction; 0 at frictionless points whose normal it is."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
@@ -186,7 +189,7 @@ class Slip:
         self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
     def require_held(self) -> None:
-        """Raise `ValueError` if only friction holds a rigid motion. Collective."""
+        """Raise `ValueError` if a rigid motion is prevented only by friction. Collective."""
         eq = self._eq
         loose = free_motions(eq, [self.N, self.H])
         if len(loose):
@@ -197,7 +200,7 @@ class Slip:
         """Return positions and values at all slipping points, ordered by coordinates. Collective.
 
         Args:
-            values: values at the slipping points of this rank (n, ...).
+            values: values at the n slipping points of this rank, shape (n, ...).
         """
         x, ids = (
             np.concatenate(parts)[self.places]

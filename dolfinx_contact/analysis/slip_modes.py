@@ -29,12 +29,18 @@ _NOTHING = 1e-11  # eigenvalue of T that counts as zero, relative to the largest
 
 @dataclass(frozen=True)
 class SlipModes:
-    """Coefficients F (k,), sorted by magnitude, with slips and shears of all points (m, k).
+    """Critical coefficients F, sorted by magnitude, with slips and shears of all m points.
 
-    No F with a magnitude below `known_up_to` is missing. Residuals (k,) are relative. Slips are
-    compared relative to the compliance of their points; otherwise the round-off of soft bodies
-    would hide the slips of stiff bodies. Slips below the accuracy of their eigenvector are set to
-    0.
+    Slips are compared relative to the compliance of their points; otherwise the round-off of soft
+    bodies would hide the slips of stiff bodies. Slips below the accuracy of their eigenvector are
+    set to 0.
+
+    Attributes:
+        friction: coefficients F, shape (k,).
+        slips: slips, scaled such that the largest entry of each column is 1, shape (m, k).
+        shears: shears that cause these slips, shape (m, k).
+        known_up_to: magnitude below which no F is missing.
+        residuals: residual norms |T f - f/F| / |f|, relative to the largest 1/|F|, shape (k,).
     """
 
     friction: Complex
@@ -89,7 +95,13 @@ class SlipModes:
 
     @classmethod
     def of_matrix(cls, flexibility: Array, T: Array, softness: Array) -> SlipModes:
-        """Compute all coefficients from the slips and pressures (m, m) caused by unit shears."""
+        """Compute all coefficients from the responses to unit shears.
+
+        Args:
+            flexibility: slips caused by a unit shear at each point, as columns, shape (m, m).
+            T: pressures caused by these shears, as columns, shape (m, m).
+            softness: see `of`.
+        """
         values, shears = np.linalg.eig(T)
         return cls.of(values, shears, flexibility @ shears, T @ shears, softness)
 
@@ -120,10 +132,10 @@ def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Arra
 
 
 def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
-    """Replace an eigenvector of each real coefficient by a slip of one sign, if one exists.
+    """Replace one eigenvector of each multiple eigenvalue by a slip of one sign, if one exists.
 
-    For a multiple eigenvalue, all linear combinations of its vectors are slips, and the vectors
-    from the eigensolver need not have one sign. The first vector is replaced.
+    All linear combinations of the eigenvectors are possible slips, and the vectors from the
+    eigensolver need not have one sign. The first vector is replaced.
 
     Args:
         F: coefficients, shape (k,).
@@ -152,11 +164,13 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 
 
 def _nonnegative(vectors: Array, none: float) -> Array:
-    """Return the weights (k,) of the largest nonnegative combination of vectors, or 0.
+    """Return the weights (k,) of a combination of the vectors with nonnegative components, or 0.
+
+    Of all combinations with components up to 1, it has the largest sum of components.
 
     Args:
         vectors: orthonormal vectors as columns, shape (m, k).
-        none: component that counts as zero, relative to the largest component.
+        none: size of a negative component that counts as zero, relative to the largest component.
     """
     m, k = vectors.shape
     found = linprog(

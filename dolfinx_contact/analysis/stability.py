@@ -182,9 +182,10 @@ class _Points:
     """Admissible statuses and slip directions of the contact points of this rank. Collective.
 
     Attributes:
-        choices: admissible statuses of each point (n, 4), padded with -1.
-        directions: slip directions d, opposite to a shear at the bound; 0 at other points, shape
-            (n, dim).
+        choices: up to four admissible statuses of each of the n points, padded with -1, shape
+            (n, 4).
+        directions: slip directions d: opposite to the shear at points at the bound, along the
+            tangent at grazing points in 2D, otherwise 0; shape (n, dim).
         friction: friction coefficients, shape (n,).
         border: number of points at a border on all ranks.
         rounds: whether the problem is 3D and a point with friction is grazing.
@@ -230,9 +231,9 @@ class _Gathered(DenseBody):
         N: rows of the normal jumps of all points, shape (m, unknowns); 0 if held by Dirichlet data.
         T: rows of the free tangents, shape (k, unknowns).
         owner: index of the point of each free tangent, shape (k,).
-        along: components d.t of the slip directions along the free tangents t, shape (k,).
+        along: component d.t of the slip direction along each free tangent t, shape (k,).
         D: rows of the slips along d, restricted to free tangents, shape (m, unknowns).
-        choices, friction: values of `_Points` for all points.
+        choices, friction: attributes of `_Points`, for the points of all ranks.
         held: mask of the points whose normal motion is held by Dirichlet data, shape (m,).
     """
 
@@ -280,7 +281,7 @@ def _is_dissipative(body: Body) -> bool:
 
 
 def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float]) -> tuple[int, int]:
-    """Count the negative and zero eigenvalues of k K + c C + m M with rows held. Collective.
+    """Count the negative and the zero eigenvalues of k K + c C + m M. Collective.
 
     Args:
         body: stiffness, mass and damping.
@@ -303,7 +304,7 @@ def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float])
 
 
 def _by_inertia(body: Body, points: _Points) -> Stability:
-    """Decide by counts of negative eigenvalues; no point is at a border. Collective."""
+    """Decide stability by counting negative eigenvalues, if no point is at a border. Collective."""
     eq = body.eq
     doing = points.choices[:, 0]
     n = point_normals(eq)
@@ -349,7 +350,7 @@ def _many(number: int) -> str:
 
 
 def _by_eigenvalues(body: Body, points: _Points) -> Stability:
-    """Decide by computing all eigenvalues; no point is at a border. Collective."""
+    """Decide stability from all eigenvalues, if no point is at a border. Collective."""
     # With C = eta K, the eigenproblem is half as large.
     if body.unknowns > _LARGEST * (2 if body.C is None else 1):
         which = "stiffness" if body.C is None else "stiffness or the damping"
@@ -398,10 +399,10 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Examine the pieces, starting with slip at all points at a border.
+    """Decide stability from the pieces, starting with slip at all points at a border.
 
     Args:
-        g: body and points.
+        g: matrices and contact points.
         max_count: largest number of pieces.
         quiet: whether neither K nor C supplies energy.
     """
@@ -430,7 +431,12 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
 
 
 def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
-    """Return K, M and C of a piece, and its admissible motions Z."""
+    """Return K, M and C projected onto the motions of a piece, and a basis Z of these motions.
+
+    Args:
+        g: matrices and contact points.
+        doing: status of each point, shape (m,).
+    """
     slips = (doing == ALONG) | (doing == AGAINST)
     stuck = doing == HOLDS
     sign = np.where(doing == AGAINST, -1.0, 1.0)
@@ -447,10 +453,11 @@ def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
 
 
 def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
-    """Search a piece for lambda > 0 with eigenvectors in its cones.
+    """Search a piece for positive eigenvalues lambda with eigenvectors in its cones.
 
     Returns:
-        Largest lambda, 0 if none was found; and the reason why other motions may grow, or "".
+        Largest such lambda, 0 if none was found; and the reason why other motions may grow, "" if
+        there is none.
     """
     K, M, C, Z = _piece(g, doing)
     n = len(K)
@@ -484,7 +491,7 @@ def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
 
 
 def _leaves(g: _Gathered, doing: Ints, v: Array, growth: float) -> bool:
-    """Return whether v or -v and its forces lie in the cones of the points at a border."""
+    """Return whether v or -v, with its forces, lies in the cones of the points at a border."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]

@@ -67,9 +67,9 @@ class StaticState:
         upper: upper bound of these factors; equal to `lower` in the plane, up to round-off.
         slip: slips w of all points, shape (m, dim - 1); 0 at open points and at points without
             friction.
-        displacements: displacements at the corners (K, m, dim), at `lower`.
-        forces: forces at the corners (K, m, dim), at `lower`.
-        opened: open points, shape (m,).
+        displacements: displacements at the K corners with the factor `lower`, shape (K, m, dim).
+        forces: forces at the K corners with the factor `lower`, shape (K, m, dim).
+        opened: mask of the open points, shape (m,).
     """
 
     least: float
@@ -88,10 +88,11 @@ class _Program:
         points: contact points with their stiffness and laws.
         steady: steady load, shape (dim m,).
         departures: departures p_k - p_s of the corners, shape (K, dim m).
-        opened: open points, shape (m,).
+        opened: mask of the open points, shape (m,).
 
     Attributes:
-        a, r: derivatives of displacements and forces with respect to x, shape (K, m, dim, n + 1).
+        a, r: derivatives of displacements and forces at the K corners with respect to x, shape
+            (K, m, dim, n + 1).
         a0, r0: displacements and forces at x = 0, shape (m, dim).
         n: number of slips; x[n] is the factor.
         around: directions e of the initial inequalities e.rt <= F rn + g, which are exact in the
@@ -159,15 +160,18 @@ class _Program:
         return StaticState(least, lower, upper, slip[:, :-1], displacements, forces, self.opened)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """Return the forces at the corners (K, m, dim); for a ray, their rates along the ray."""
+        """Return the forces at the K corners, shape (K, m, dim).
+
+        If x is a ray of the program, these are the rates of the forces along the ray.
+        """
         return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
-        """Return the state at the first corner with the largest slips in a direction.
+        """Return the state at rest with the largest slips in a direction, at the first corner.
 
         Args:
             toward: direction of the slips, shape (dim m,).
-            farthest: bound of the slips.
+            farthest: upper bound of each slip.
 
         Returns:
             Displacements and forces, shape (m, dim) each; None if no state was found.
@@ -193,9 +197,12 @@ class _Program:
         return -normal.reshape(-1, self.n + 1), np.tile(least, K)
 
     def _tangents(self, k: npt.NDArray[np.intp], i: npt.NDArray[np.intp], e: Array) -> Rows:
-        """Return the inequalities e.rt <= F rn + g at corners k and points i.
+        """Return inequalities e.rt <= F rn + g.
 
-        ``e`` contains one direction per inequality, shape (number, dim - 1).
+        Args:
+            k: index of the corner for each inequality, shape (number,).
+            i: index of the point, shape (number,).
+            e: direction in which the shear is bounded, shape (number, dim - 1).
         """
         F, g = self.points.friction[i], self.points.bound[i]
         r, r0 = self.r[k, i], self.r0[i]
@@ -213,9 +220,15 @@ class _Program:
         return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
-        """Bound the factor using tangents of the friction discs, added iteratively.
+        """Bound the factor by tangents of the friction discs, which are added iteratively.
 
-        If the factor is unbounded, the rates of the forces along the ray are used with discs F rn.
+        If the factor is unbounded, the rates of the forces along the ray must lie in discs F rn.
+
+        Args:
+            sense: 1 for an upper bound of the largest factor, -1 for a lower bound of the smallest.
+
+        Returns:
+            Unknowns x, None if no state exists, and the bound.
         """
         rows = self._first_rows()
         for _ in range(_ROUNDS):
@@ -241,7 +254,8 @@ class _Program:
         F rn + g. The weights are additional unknowns after x.
 
         Args:
-            extreme: forces (K, m, dim) whose directions become additional corners of the polygons.
+            extreme: forces whose directions become additional corners of the polygons, shape
+                (K, m, dim) each.
         """
         k, i = self._cells()
         number, sides = len(k), _SIDES + len(extreme)
@@ -333,8 +347,8 @@ def largest_factor(
         end: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Best state, ranges of factors with a state at rest in increasing order, and whether all
-        sets of open points were tried.
+        State with the largest factor, ranges of factors with a state at rest in increasing order,
+        and whether all sets of open points were tried.
 
     Raises:
         ValueError: if all loads are equal to the steady load.
@@ -375,7 +389,7 @@ def states_at_rest(
         number: number of directions.
 
     Returns:
-        Displacements and forces, (m, dim) each; directions without a state are skipped.
+        Displacements and forces, shape (m, dim) each; directions without a state are skipped.
     """
     rng = np.random.default_rng(0)
     force = float(np.abs(load).max()) or 1.0
@@ -414,7 +428,7 @@ class _Search:
         return self._known[key]
 
     def _try(self, opened: Mask) -> bool:
-        """Examine a set of open points; return whether it becomes the best."""
+        """Compute the factor of a set of open points; return whether it is the largest so far."""
         state = self._of(opened)
         least = self.best.lower
         if not state.lower > least + _BETTER * abs(least if np.isfinite(least) else 0.0):
@@ -423,7 +437,7 @@ class _Search:
         return True
 
     def run(self, begin: Mask) -> None:
-        """Search until no set is better, all sets have been tried, or the time limit is reached."""
+        """Search until no change increases the factor, all sets are tried, or the time is over."""
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:

@@ -71,7 +71,8 @@ class SlidingModes:
     """Vibrations of a sliding body.
 
     Attributes:
-        eigenvalues: lambda with Im >= 0, sorted by decreasing real part (growth) (k,).
+        eigenvalues: k values lambda with Im >= 0, sorted by decreasing real part (growth), shape
+            (k,).
         known_up_to: magnitude |lambda| (for the undamped body) up to which no eigenvalue is
             missing; infinite if all were computed.
         real, imaginary: displacements of the first vibration, a quarter of a period apart.
@@ -225,7 +226,14 @@ class SteadySliding(ReadOnly):
         return None
 
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
-        """Replace the last two entries by a maximum of the growth near them, if it is positive."""
+        """Replace the last two entries by a maximum of the growth between the last three.
+
+        This is done only if the middle one of these is the largest and the maximum is positive.
+
+        Args:
+            frictions: friction coefficients.
+            growths: growth at each of them (`_growth`).
+        """
         if len(growths) < 3 or not growths[-3] < growths[-2] > growths[-1]:
             return
         best = minimize_scalar(
@@ -236,13 +244,13 @@ class SteadySliding(ReadOnly):
             growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
-        """Return the largest growth rate relative to |lambda|, minus the round-off level."""
+        """Return the largest ratio of growth rate to |lambda|, minus the level of round-off."""
         values, _, _ = self._spectrum(friction)
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
-        """Return the onset at a friction, with the frequency of the growth just beyond it."""
+        """Return the onset for a critical coefficient, with the frequency just beyond it."""
         values, _, _ = self._spectrum(friction * (1.0 + 1e-11))
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
@@ -259,9 +267,9 @@ class SteadySliding(ReadOnly):
             vectors: whether displacements are needed.
 
         Returns:
-            Eigenvalues lambda (k,); owned displacements (n, k), or (n, 0) if they are not needed
-            and all eigenvalues are computed; and the magnitude up to which no eigenvalue is
-            missing.
+            Eigenvalues lambda, shape (k,); owned displacements, shape (n, k), or (n, 0) if they are
+            not needed and all eigenvalues are computed; and the magnitude up to which no eigenvalue
+            is missing.
         """
         slopes = self._slope
         if friction is None:
@@ -285,7 +293,7 @@ class SteadySliding(ReadOnly):
     def _by_matrices(
         self, body: DenseBody, friction: Array, *, vectors: bool
     ) -> tuple[Complex, Complex]:
-        """Compute all lambda using dense matrices, with the displacements (n, k) of this rank."""
+        """Compute all lambda using dense matrices, and displacements on this rank, shape (n, k)."""
         eta = self._body.eta
 
         def solved(friction: Array) -> tuple[Complex, Complex]:
@@ -313,7 +321,12 @@ class SteadySliding(ReadOnly):
         return values, motions[first : first + n]
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
-        """Compute the lambda nearest to zero, displacements (n, k), and the largest |lambda|."""
+        """Compute the eigenvalues nearest to zero using SLEPc.
+
+        Returns:
+            Eigenvalues lambda, shape (k,); owned displacements, shape (n, k); and the largest
+            |lambda|.
+        """
         SLEPc = optional("slepc4py.SLEPc", "solver")
         slip = self._slip
         body = self._body

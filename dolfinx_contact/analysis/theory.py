@@ -51,7 +51,10 @@ def theory_of(eq: ContactEquations) -> Theory:
 
 
 def _coefficients(eq: ContactEquations) -> bool | None:
-    """Return whether a friction coefficient is positive; None for laws not covered. Collective."""
+    """Return whether any friction coefficient is positive. Collective.
+
+    None if the theorems do not cover a contact law of the problem.
+    """
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.unknowns.create_vector()

@@ -96,7 +96,7 @@ def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
 def _condensed(
     system: ParametricContact, other: fem.Constant, mu: float
 ) -> tuple[PointProblem, Array]:
-    """Condense the problem at one mu and gamma = 0; return points and reach. Collective."""
+    """Return the contact points and `ContactFamily.reach` at one mu and gamma = 0. Collective."""
     eq = system.equations
     with _put(other, mu), system.restored(always=True):
         system.set_parameter(0.0)
@@ -151,7 +151,7 @@ def event_curves(
     Args:
         system: problem with gamma.
         other: second parameter mu, a scalar Constant.
-        branches: pairs of a value of mu and a branch that was followed with this mu.
+        branches: pairs (mu, branch), where the branch was followed with this mu.
         mu_range: smallest and largest mu.
         gamma_range: smallest and largest gamma.
         folds_only: whether only curves of folds are followed, and no events. Default True.
@@ -183,7 +183,10 @@ def event_curves(
 
 
 def _borders(points: GatheredPoints, branch: Branch, *, folds_only: bool) -> list[Codes]:
-    """Return the statuses at borders that a branch crosses at one contact point. Collective."""
+    """Return the statuses at each event of a branch that concerns one contact point. Collective.
+
+    This point is at a border; an event at which several points change is omitted.
+    """
     found = []
     for special in branch.folds if folds_only else branch.special:
         before, after = (

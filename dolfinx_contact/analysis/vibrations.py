@@ -158,7 +158,7 @@ class DenseBody:
     def projected(
         self, held: Array, forces: Array | None = None
     ) -> tuple[Array, Array, Array | None, Array]:
-        """Project K, M and C onto the motions Z with held Z = 0; return Z as well.
+        """Return K, M and C projected onto the motions Z with held Z = 0, and Z itself.
 
         Args:
             held: rows of the held motions, shape (k, n).
@@ -172,7 +172,10 @@ class DenseBody:
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """Return both roots of lambda^2 + eta mu lambda + mu = 0 for each mu, shape (2 k,)."""
+    """Return both roots of lambda^2 + eta mu lambda + mu = 0 for each of k values mu.
+
+    The first roots of all mu precede the second ones, shape (2 k,).
+    """
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
     root = np.sqrt(b * b - 4 * mu)
@@ -182,12 +185,19 @@ def damped(mu: Complex, eta: float) -> Complex:
 
 
 def first_order(K: Array, C: Array) -> Array:
-    """Linearise the eigenproblem (K + lambda C + lambda^2) x = 0; return the (2 n, 2 n) matrix."""
+    """Return the matrix with the eigenvalues lambda of (K + lambda C + lambda^2) x = 0.
+
+    Its eigenvectors are (x, lambda x), shape (2 n,).
+    """
     return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis (n, n - m) of the null space of independent rows (m, n)."""
+    """Return an orthonormal basis of the null space as columns, shape (n, n - m).
+
+    Args:
+        rows: linearly independent rows, shape (m, n).
+    """
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]
 

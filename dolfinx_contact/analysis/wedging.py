@@ -153,10 +153,11 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
 
 
 def _scales(S: Array, dim: int) -> Array:
-    """Return scaling factors, powers of two, that equalise the stiffness of the points (dim m,).
+    """Return powers of two by which the stiffness of all points becomes similar, shape (dim m,).
 
-    Let D be their diagonal matrix, with one factor per point. D S D has the same wedged states up
-    to the scaling by D, because it leaves the cones and the signs of the gaps unchanged.
+    Let D be the diagonal matrix of these factors, with one factor per point. D S D has the same
+    wedged states up to the scaling by D, which leaves the cones and the signs of the gaps
+    unchanged.
     """
     own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
@@ -166,8 +167,9 @@ class _Rays(NamedTuple):
     """Normal displacements caused by the extreme forces of the friction cones.
 
     Attributes:
-        M: un for unit weights of the rays, scaled to a maximum of 1 per row, shape (m, m K).
-        off: error bounds of the rows for any weights, shape (m,).
+        M: matrix that maps the weights alpha of K rays per point to un, with each row scaled to a
+            maximum of 1, shape (m, m K).
+        off: error bounds of M alpha for all weights with sum 1, shape (m,).
         opens: mask of the points that can be open, shape (m,).
     """
 
@@ -220,14 +222,14 @@ class _Program(Tableau):
         self._opens = rays.opens
 
     def hold(self, statuses: Ints) -> None:
-        """Bound the variables by the statuses (m,) of a region."""
+        """Set the bounds of the variables that follow from the statuses of a region, shape (m,)."""
         self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
         self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
         every = np.arange(self.n)
         self._set(every, np.where(self._costs < 0, self._up[self._nonbasic], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
-        """Return multipliers y (m,) and lambda of an infeasible program, otherwise None."""
+        """Return y, shape (m,), and lambda of the module if the program is infeasible, or None."""
         v = self._repair()
         if v is None:
             return None
@@ -236,7 +238,7 @@ class _Program(Tableau):
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Sums of alpha (m,) and un (m,) of the points at the current vertex."""
+        """Sum of alpha at each point, and un, at the current vertex, shape (m,) each."""
         x = self._all_values
         return x[: self.n].reshape(self.m, -1).sum(axis=1), x[self.n : self.n + self.m]
 
@@ -247,10 +249,11 @@ class _Search:
     Attributes:
         scales: factors that multiply displacements and divide forces of the points, shape (dim m,).
         G: flexibility of the scaled points, shape (dim m, dim m).
-        friction: smallest friction found.
-        tried: friction for which regions are proved empty.
-        best: forces of the best state (dim m,), or None.
-        closed: closed points of this state, shape (m,).
+        friction: smallest friction coefficient of a state so far; infinite if there is none.
+        tried: friction coefficient F, just below the smallest one found, at which regions are
+            examined.
+        best: forces of the state with the smallest F so far, shape (dim m,); None if there is none.
+        closed: mask of the closed points in this state, shape (m,).
         complete: whether the search was completed.
         regions: number of examined regions.
     """
@@ -303,13 +306,16 @@ class _Search:
                     improved = True
 
     def _begin(self) -> None:
-        """Create the linear program for a friction just below the smallest known F."""
+        """Create the linear program for a friction coefficient just below the smallest F so far."""
         self.tried = self._reached * (1 - _BELOW)
         self._rays = _Rays.of(self._G, self._off, self._corners, self.tried)
         self._program = _Program(self._rays)
 
     def _treat(self, statuses: Ints) -> list[Ints]:
-        """Examine a region; return its parts if it is not closed, the preferred part last."""
+        """Examine a region; return the regions still to be examined, the next one last.
+
+        The list is empty if the region contains no state, or if round-off prevents a decision.
+        """
         self._program.hold(statuses)
         y = self._program.empty()
         undecided = np.flatnonzero(statuses == _UNDECIDED)
@@ -374,9 +380,9 @@ class _Search:
         return True
 
     def _least_of(self, closed: Mask) -> tuple[float, Array] | None:
-        """Return the smallest F of a state with these closed points, and its forces (dim m,).
+        """Return the smallest F of a state with given closed points, and its forces.
 
-        None if this F is not smaller than the best F so far.
+        The forces have shape (dim m,). None if this F is not below the smallest F so far.
         """
         places = np.flatnonzero(closed)
         d, k, sides = self.dim, len(places), len(self._facets)
@@ -390,7 +396,7 @@ class _Search:
         forces: dict[float, Array] = {}
 
         def excess(F: float) -> float:
-            """Minimise the largest |rt| - F rn over the states."""
+            """Return the minimum of the largest |rt| - F rn over all states; inf if none exists."""
             A = upper.copy()
             A[: len(facets)] -= F * press
             found = linprog(
@@ -416,7 +422,7 @@ class _Search:
         return F, whole
 
     def _root(self, excess: Callable[[float], float]) -> float:
-        """Return the root of a decreasing function between 0 and the best F."""
+        """Return the root of a decreasing function between 0 and the smallest F so far."""
         top = self._reached
         if excess(top) >= 0:
             return top

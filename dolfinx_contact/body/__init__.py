@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The body without contact."""
+"""Body without contact: residual, stiffness, mass, rigid motions and checks."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Residual and stiffness of a body without contact, assembled only once if they are linear.
+"""Residual and stiffness of a body without contact, reassembled only if necessary.
 
 If the residual is affine in the displacement (`_ufl`), it equals K u + f. K and f depend only on
-the user's Functions and Constants, and are reassembled only if `read_data` finds other values.
+the user's Functions and Constants, and are reassembled only if `read_data` finds that these values
+have changed.
 
 A residual with kinks is nonlinear. Its derivative is one-sided at a kink, so Newton's method is
 semismooth, as for contact. A residual with jumps has in general no root that Newton's method could
@@ -52,7 +53,7 @@ def circumference(domain: Any) -> Any:
 
 
 def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
-    """Return the form weighted so that integrals over the section become integrals over the body.
+    """Weight a form so that integrals over the section become integrals over the body.
 
     Args:
         form: form of any rank, over cells, exterior or interior facets, without the weight.
@@ -73,7 +74,7 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 
 
 class Stiffness:
-    """Residual and stiffness of a body; the matrix may be stored by half for products.
+    """Residual and stiffness of a body; products may use half of a symmetric matrix.
 
     Attributes:
         linear: whether the stiffness does not depend on the displacement.
@@ -102,8 +103,8 @@ class Stiffness:
     def rows(self, u: Array) -> Array:
         """Return the owned entries of the residual at ``u``. Collective.
 
-        For a linear body they are a product with the cached stiffness, which is cheaper than
-        assembly.
+        For a linear body the residual is computed by a product with the cached stiffness, which is
+        cheaper than assembly.
         """
         rows = self.affine_residual(u)
         return self.residual_at(u) if rows is None else rows
@@ -113,7 +114,7 @@ class Stiffness:
         raise NotImplementedError
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned entries of the residual by the cached stiffness, if it is up to date."""
+        """Return the owned residual from the cached stiffness; None if it is out of date."""
         raise NotImplementedError
 
     def _forget_half(self) -> None:
@@ -141,7 +142,8 @@ class Bulk(Stiffness):
     Attributes:
         residual: UFL residual in ``displacement``.
         is_energy: whether the form is an energy.
-        displacement: Function in the forms, which is set to the displacement of each evaluation.
+        displacement: Function that replaces ``u`` in the compiled forms. Each evaluation sets it to
+            the displacement passed as argument.
         functions: Functions of the residual in UFL order, including the displacement.
         constants: Constants of the residual in UFL order.
         residual_form: compiled residual.
@@ -150,7 +152,7 @@ class Bulk(Stiffness):
         materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
         kinks: description of the parts of the form with kinks or jumps in ``u``; "" without any.
-        stiffness_mark: number of changes of the data of the stiffness, the same on every rank.
+        stiffness_mark: counter of the changes to the data in the stiffness, the same on every rank.
         assemblies: number of assemblies of the stiffness.
 
     Raises:
@@ -202,13 +204,13 @@ class Bulk(Stiffness):
 
     @cached_property
     def _form(self) -> ufl.Form:
-        """User's form in terms of `displacement`."""
+        """User's form, with ``u`` replaced by `displacement`."""
         form, u = self._given
         return ufl.replace(form, {u: self.displacement})
 
     @cached_property
     def residual(self) -> ufl.Form:
-        """UFL residual in `displacement`."""
+        """UFL residual as a function of `displacement`."""
         if not self.is_energy:
             return self._form
         return ufl.derivative(self._form, self.displacement, ufl.TestFunction(self._V))
@@ -218,13 +220,13 @@ class Bulk(Stiffness):
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
-        """Return the compiled form ``what`` of this body. Collective."""
+        """Compile the derived form with the name ``what``. Collective."""
         name = f"{what} of a body", self._key[1]
         spaces = [self._V] * rank
         return derived_form(name, self._given[0], make, spaces, functions=self._ordered)
 
     def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
-        """Return a property of the form, cached by the signature of the form."""
+        """Return a symbolic property of the form, cached under the signature of the form."""
         key = what, *self._key
         if key not in _facts:
             _facts[key] = find()
@@ -232,7 +234,7 @@ class Bulk(Stiffness):
         return fact
 
     def _given_in_derivative(self) -> tuple[list[fem.Function], list[fem.Constant]]:
-        """Return the coefficients and Constants of the expanded derivative."""
+        """Return the Functions and Constants that occur in the expanded stiffness form."""
 
         def find() -> tuple[list[int], list[int]]:
             expanded = ufl.algorithms.expand_derivatives(self._derivative)
@@ -310,13 +312,13 @@ class Bulk(Stiffness):
         return b.array[: self._owned].copy()
 
     def rate_at(self, u: Array, step: Array) -> Array:
-        """Return the owned entries of K(u) d for a step d of the Dirichlet data. Collective.
+        """Return the owned entries of K(u) d for an increment d of Dirichlet data. Collective.
 
-        Unless K is up to date, only cells with dofs at which the step is nonzero are assembled.
+        Unless K is up to date, only cells with dofs at which d is nonzero are assembled.
 
         Args:
             u: displacement.
-            step: step d at all local dofs.
+            step: increment d at all local dofs.
         """
         if self._is_current:
             return self.times(step)
@@ -331,7 +333,7 @@ class Bulk(Stiffness):
 
     @cached_property
     def _step(self) -> fem.Function:
-        """Function of the step of the Dirichlet data."""
+        """Function that holds the increment of the Dirichlet data in `rate_at`."""
         return fem.Function(self._V)
 
     def affine_residual(self, u: Array) -> Array | None:
@@ -346,8 +348,8 @@ class Bulk(Stiffness):
     def affine_load(self) -> Array | None:
         """Return the owned residual at zero displacement if K is up to date. Collective.
 
-        The array is cached and must not be modified by the caller. A change of data
-        creates a new array.
+        The array is cached and must not be modified by the caller. If the data have changed, a new
+        array is created.
         """
         if not self._is_current:
             return None
@@ -381,7 +383,7 @@ class Bulk(Stiffness):
 
     @property
     def _is_current(self) -> bool:
-        """Whether the stiffness is constant and assembled with the present data."""
+        """Whether the body is linear and its stiffness was assembled with the present data."""
         return self.linear and self._K is not None and self._K_mark[0] == self.stiffness_mark
 
     def times(self, u: Array) -> Array:
@@ -404,7 +406,7 @@ _facts: dict[tuple[Any, ...], Any] = {}
 
 
 def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
-    """Return whether a form vanishes symbolically at ``u`` = 0."""
+    """Return whether a form is symbolically zero for ``u`` = 0."""
     none = ufl.classes.Zero(u.ufl_shape)
     return bool(ufl.replace(form, {u: none}).empty())
 

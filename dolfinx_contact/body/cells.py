@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Geometry of cells: volumes, and determinants of the deformation gradient."""
+"""Cells: volumes, determinants of the deformation gradient, and strains."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def check_cells(domain: mesh.Mesh) -> None:
 
 
 def _first(domain: mesh.Mesh, cells: Ints) -> tuple[int, Array]:
-    """Return the cell with the smallest input index among local cells of all ranks. Collective.
+    """Find the cell with the smallest input index, given cells on each rank. Collective.
 
     Returns:
         Index of the cell in the input, and midpoint of the cell.
@@ -88,7 +88,7 @@ def _is_simplex(domain: mesh.Mesh) -> bool:
 
 
 def is_affine(domain: mesh.Mesh) -> bool:
-    """Return whether cells are affine images of their reference cell."""
+    """Return whether all cells of a mesh are affine images of the reference cell."""
     return _is_simplex(domain) and domain.ufl_domain().ufl_coordinate_element().degree == 1
 
 
@@ -99,10 +99,10 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
 
 
 def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
-    """Return centroids (n, dim), volumes (n,) and mean square distances to the centroid (n,).
+    """Return centroid, volume and mean square distance to the centroid of each owned cell.
 
-    The values belong to the owned cells. Each cell is replaced by the simplex or parallelepiped
-    spanned by the edges at its first vertex.
+    Each cell is replaced by the simplex or parallelepiped spanned by the edges at its first vertex.
+    The shapes are (n, dim), (n,) and (n,) for n cells.
     """
     dim = domain.geometry.dim
     n = domain.topology.index_map(dim).size_local
@@ -121,7 +121,7 @@ def cells_around(domain: mesh.Mesh, points: Array) -> Ints:
     """Return the number of cells containing each point, over all ranks, shape (n,). Collective.
 
     Args:
-        domain: mesh.
+        domain: mesh whose cells are counted.
         points: points, the same on every rank, shape (n, dim).
     """
     dim = domain.topology.dim
@@ -139,7 +139,7 @@ def cells_around(domain: mesh.Mesh, points: Array) -> Ints:
 
 @lru_cache(maxsize=32)
 def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True) -> Array:
-    """Return the vertices of a reference cell together with quadrature points.
+    """Return quadrature points of a reference cell and, optionally, its vertices.
 
     For degree 0 the only quadrature point is the midpoint. From degree 4 on, the midpoints of edges
     are included.
@@ -156,7 +156,9 @@ def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True
 
 
 def basis(element: Any, points: Array) -> tuple[Array, Array]:
-    """Return values (nodes, points) and gradients (nodes, points * dim) of a Lagrange basis.
+    """Evaluate a Lagrange basis and its gradients at points of the reference cell.
+
+    The shapes are (nodes, points) and (nodes, points * dim).
 
     Args:
         element: blocked Lagrange element.
@@ -168,7 +170,7 @@ def basis(element: Any, points: Array) -> tuple[Array, Array]:
 
 
 def determinants(J: Array) -> Array:
-    """Return determinants of matrices in the last two axes, shape (..., 2, 2) or (..., 3, 3)."""
+    """Return the determinants of matrices, shape (..., 2, 2) or (..., 3, 3)."""
     a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
     if len(a) == 2:
         return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
@@ -183,10 +185,11 @@ def chunks(number: int) -> Iterator[slice]:
 
 
 def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield chunks of owned cells with their Jacobians and the scale of det J for round-off.
+    """Yield the Jacobians J of chunks of owned cells, and magnitudes that bound round-off.
 
-    Each item is a slice of cells, J at the reference points, shape (n, points, dim, dim), and a
-    scale of shape (n,), which grows with the distance of the cell from the origin.
+    Each item is a slice of n cells; J at the reference points, shape (n, points, dim, dim); and the
+    magnitude relative to which det J has round-off, shape (n,), which grows with the distance of
+    the cell from the origin.
     """
     dim = domain.geometry.dim
     nodes = geometry_dofmap(domain)
@@ -202,7 +205,9 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
 
 
 def _gradients_of(values: Array, table: Array) -> Array:
-    """Return gradients of fields of cells at reference points, shape (n, points, dim, dim).
+    """Return the gradients of a vector field at reference points of n cells.
+
+    The shape is (n, points, dim, dim).
 
     Args:
         values: values at the nodes of the cells, shape (n, nodes, dim).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Form and Dirichlet conditions of a body: errors, and warnings about data not intended."""
+"""Checks of the form and Dirichlet conditions of a body: errors, and warnings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _Warning: TypeAlias = tuple[str, str]  # name and text
 
 
 def check_body(bulk: Any, u: fem.Function, bcs: Sequence[fem.DirichletBC]) -> None:
-    """Raise ``ValueError`` for a form or Dirichlet conditions that do not fit. Not collective.
+    """Raise ``ValueError`` if form or Dirichlet conditions are inconsistent. Not collective.
 
     Args:
         bulk: energy or residual of the body.
@@ -71,14 +71,14 @@ def unintended(
 ) -> dict[str, str]:
     """Return warnings about data of a body that are probably not intended, by name. Collective.
 
-    - An integral over a tag without entities is 0, so that a load is missing. Facets between cells
-      do not belong to ds, and facets of the boundary do not belong to dS.
+    - An integral over a tag without entities is 0, so that a load is missing. The measure ds does
+      not include facets between cells, and dS does not include facets of the boundary.
     - Cells without an integral have no stiffness.
-    - A load on facets whose displacements are all held changes only the reactions.
-    - A Dirichlet condition without dofs holds nothing.
+    - A load on facets whose displacements are all prescribed changes only the reactions.
+    - A Dirichlet condition without dofs has no effect.
     - With too few quadrature points a stiffness is singular (hourglass modes).
-    - Elements of degree 1 lock if Poisson's ratio is near 1/2, as it is if Young's modulus and
-      Poisson's ratio are given in place of the Lame coefficients.
+    - Elements of degree 1 lock if Poisson's ratio is near 1/2. Such a ratio can result from passing
+      Young's modulus and Poisson's ratio in place of the Lame coefficients.
 
     Args:
         form: energy or residual of the body.
@@ -90,7 +90,7 @@ def unintended(
 
 
 def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
-    """Yield warnings about conditions without dofs. Collective."""
+    """Yield warnings about Dirichlet conditions without dofs. Collective."""
     for number, bc in enumerate(bcs):
         if not V.mesh.comm.allreduce(bc.dof_indices()[1]):
             name = f"bcs[{number}]"
@@ -98,7 +98,7 @@ def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Itera
 
 
 def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
-    """Yield warnings about integrals over nothing, and cells without an integral. Collective."""
+    """Yield warnings about empty integrals, and about cells without an integral. Collective."""
     dim = domain.topology.dim
     domain.topology.create_connectivity(dim - 1, dim)
     covered = np.zeros(domain.topology.index_map(dim).size_local, dtype=bool)
@@ -136,9 +136,10 @@ def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
 def _held(
     form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> Iterator[_Warning]:
-    """Yield warnings about loads on facets whose displacements are all held. Collective.
+    """Yield warnings about loads on facets with prescribed displacements. Collective.
 
-    Integrands with a gradient are left out: they also act on other displacements.
+    Integrands with a gradient are skipped, because they also act on displacements that are not
+    prescribed.
     """
     index_map, size = V.dofmap.index_map, V.dofmap.index_map_bs
     held = np.zeros((index_map.size_local + index_map.num_ghosts, size), dtype=bool)
@@ -182,7 +183,7 @@ def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
 
 
 def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
-    """Yield warnings about elements that lock."""
+    """Yield warnings about elements that lock for nearly incompressible materials."""
     rules = [integral.metadata().get("quadrature_rule") for integral in form.integrals()]
     if V.ufl_element().degree > 1 or "custom" in rules:  # a mean dilatation
         return
@@ -204,9 +205,10 @@ def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
 
 
 def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
-    """Return a message about dofs with several Dirichlet values; "" without any. Collective.
+    """Return a message on dofs with contradicting Dirichlet values; "" if none. Collective.
 
-    The last condition holds. Values may differ by round-off of the largest value.
+    DOLFINx applies the last condition. Values are equal if they differ by round-off of the largest
+    value.
 
     Args:
         V: space of the displacement.
@@ -242,15 +244,16 @@ def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
 
 
 def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
-    """Return the tags of an integral, or the name of its domain."""
+    """Return the tags of an integral; for an integral over everything, UFL's name of this."""
     ids = integral.subdomain_id()
     return ids if isinstance(ids, tuple) else (ids,)
 
 
 def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
-    """Return the number of entities of an integral over a tag, and the entities with this tag.
+    """Return the number of entities over which a tag is integrated, and all tagged entities.
 
-    Facets with the tag that are not of the kind of the measure are not integrated. Not collective.
+    Tagged facets that do not belong to the measure (``ds`` or ``dS``) are not integrated. Not
+    collective.
     """
     data = integral.subdomain_data()
     if not isinstance(data, mesh.MeshTags):

@@ -80,16 +80,16 @@ def inertia_error(
     *,
     axisymmetric: bool,
 ) -> float:
-    """Return the largest relative error of accelerations of free rigid motions. Collective.
+    """Return the largest relative error of rigid accelerations due to M. Collective.
 
-    Let R contain the rigid motions that Dirichlet conditions leave free, G = R^T M R, and G_0 the
-    same product with the consistent matrix, whose moments are exact. The forces of a rigid
-    acceleration a give the body the acceleration G^-1 G_0 a, whose relative error is largest for an
-    eigenvector of G_0 a = c G a: it is abs(c - 1).
+    Let the columns of R be the rigid motions permitted by the Dirichlet conditions, G = R^T M R,
+    and G_0 the same product with the consistent matrix, which is exact. The forces that would cause
+    the rigid acceleration a cause the acceleration G^-1 G_0 a with the mass matrix M. The relative
+    error is largest, abs(c - 1), for an eigenvector of G_0 a = c G a.
 
     Args:
         V: space of the displacement.
-        M: mass matrix.
+        M: mass matrix whose error is computed.
         consistent: consistent mass matrix.
         fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
         axisymmetric: whether the body is a body of revolution.
@@ -144,7 +144,7 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
 
 
 def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: Mask) -> None:
-    """Move the mass of contact nodes in M to the diagonal of their neighbours. Collective."""
+    """Move the mass of potential contact nodes in M to neighbouring nodes. Collective."""
     start = M.getOwnershipRange()[0]
     weights = around.copy()
     indptr, indices, values = weights.getValuesCSR()

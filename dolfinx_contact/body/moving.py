@@ -7,9 +7,10 @@ The equation of motion in terms of measures (Jean and Moreau, CISM Lectures 304,
     u_1 = u_0 + integral of v dt
 
 is integrated over a step from t_0 to t_1 = t_0 + h. The first integral is approximated by the theta
-method, h (theta f_1 + (1 - theta) f_0), the integral of contact forces by the theta method or by
-the implicit Euler method. Multipliers are the mean contact forces of the step. The unknown is the
-displacement w that enters the contact law,
+method, h (theta f_1 + (1 - theta) f_0) for an integrand with the values f_0 and f_1 at t_0 and t_1.
+The integral of contact forces is approximated by the theta method or by the implicit Euler method.
+Multipliers are the contact forces averaged over the step. The unknown is the displacement w that
+enters the contact law,
 
     theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
     theta-euler      w = u_1 = u_0 + h v_1
@@ -21,7 +22,7 @@ scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1 with k = 1
 
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
-R contains the loads: R(u_1) the loads at t_1, and R(u_0) the loads at t_0.
+In this equation R includes the loads F with a negative sign: at t_1 in R(u_1), at t_0 in R(u_0).
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 @dataclass(frozen=True)
 class TimeStep:
-    """Step of a time integration scheme.
+    """Time step of an integration scheme, with the relations between w, u_1 and v_1.
 
     Attributes:
         length: duration h of the step.
@@ -95,7 +96,7 @@ class TimeStep:
         return np.asarray(w0 + self.share * (w - w0))
 
     def seen(self, u: Array, w0: Array) -> Array:
-        """Return the unknown w corresponding to the displacement u_1 = ``u``."""
+        """Return the unknown w for which the displacement u_1 equals ``u``."""
         return np.asarray(w0 + (u - w0) / self.share)
 
 
@@ -158,7 +159,7 @@ class MovingBody(Stiffness):
         """Begin a time step. Collective.
 
         Args:
-            step: time step.
+            step: time step that begins.
             u: local values of the displacement at the start of the step.
             v: local values of the velocity at the start of the step.
             rows: owned values of R(u) + C v at the start of the step.
@@ -176,7 +177,7 @@ class MovingBody(Stiffness):
         return self.body.residual
 
     def _rows(self, w: Array, inner: Array) -> Array:
-        """Return the rows of the step from the residual R at u_1. Collective."""
+        """Return the left-hand side of the equation of motion, given R(u_1). Collective."""
         v = self.step.velocity(w, self.origin)
         rows = self.step.theta * inner + product(self.mass, v) / self.step.length
         if self.damping is not None:
@@ -204,14 +205,14 @@ class MovingBody(Stiffness):
         return self.body.energy_at(self.step.displacement(w, self.origin))
 
     def residual_at(self, w: Array) -> Array:
-        """Return the owned rows of the step, with R by assembly. Collective."""
+        """Return the owned residual of the step, with R always assembled. Collective."""
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self.origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
         """Return the owned residual of the step if K is up to date, otherwise None. Collective.
 
-        It is the residual at w_0, computed once per step, plus the stiffness times w - w_0. See
-        `Bulk.affine_residual`.
+        The residual is computed as its value at w_0, which is assembled once per step, plus the
+        stiffness times w - w_0. See `Bulk.affine_residual`.
         """
         f = self.body.affine_load()
         if f is None:
@@ -225,16 +226,19 @@ class MovingBody(Stiffness):
         return self._start[2] + product(self.for_products, w - self.origin)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Return the owned derivative of the rows for a linear form dR/dparameter. Collective."""
+        """Return the owned derivative of the residual by a parameter, given dR/dparameter.
+
+        Collective. ``form`` is a linear form.
+        """
         u = self.step.displacement(w, self.origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
     def rate_at(self, w: Array, step: Array) -> Array:
-        """Return the stiffness times a step of w; see `Bulk.rate_at`. Collective."""
+        """Return the stiffness times an increment of w; see `Bulk.rate_at`. Collective."""
         return product(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Return the derivative of the residual by w; see `Bulk.stiffness`. Collective."""
+        """Differentiate the residual with respect to w; see `Bulk.stiffness`. Collective."""
         step = self.step
         K = self.body.stiffness(step.displacement(w, self.origin))
         of = self.body.assemblies, step
@@ -263,5 +267,5 @@ class MovingBody(Stiffness):
 
     @property
     def stiffness_data(self) -> list[Any]:
-        """See `Bulk`."""
+        """Data in the stiffness of the body without inertia, see `Bulk`."""
         return self.body.stiffness_data

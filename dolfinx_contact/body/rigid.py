@@ -35,9 +35,9 @@ _NAMES = {
 
 
 def parts(V: fem.FunctionSpace) -> Indices:
-    """Return the index of the connected part of the mesh for each local node. Collective.
+    """Return the index of the connected part that contains each local node. Collective.
 
-    Parts are determined on each rank and merged through ghost nodes.
+    Connected parts of the mesh are determined on each rank and merged through ghost nodes.
     """
     index_map = V.dofmap.index_map
     comm = V.mesh.comm
@@ -90,7 +90,7 @@ class Parts:
         self.number = int(largest(self.comm, self.of_owned.max(initial=-1))) + 1
 
     def extents(self) -> Array:
-        """Return the size of every part, a rotation-invariant length.
+        """Return the size of every part, a length that is invariant under rotations.
 
         The size is sqrt(12) times the root mean square distance from the centre of mass: the
         diagonal of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells
@@ -111,14 +111,15 @@ class Parts:
 
         Args:
             values: values at nodes or cells of this rank, shape (n, ...).
-            part: index of the part of each of them; default: values are at the owned nodes.
+            part: index of the part that contains each node or cell; default: parts of the owned
+                nodes.
         """
         return sums_of_parts(
             self.comm, self.number, self.of_owned if part is None else part, values
         )
 
     def motions(self) -> Array:
-        """Return infinitesimal rigid motions of every part.
+        """Return the infinitesimal rigid motions of all parts.
 
         Rotations are about the centre of the part and divided by its size, so that all motions are
         lengths. A body of revolution has the axial translation only.
@@ -164,7 +165,7 @@ class Parts:
         return combine(by_data + total(self.comm, resisting @ resisting.T), modes)
 
     def held(self, motions: Array, fixed: Mask) -> Array:
-        """Return the Gram matrix of the components of motions with Dirichlet conditions.
+        """Return the Gram matrix of motions, restricted to components with Dirichlet conditions.
 
         Args:
             motions: motions at the local nodes, shape (motions, nodes, dim).
@@ -174,7 +175,7 @@ class Parts:
         return total(self.comm, held @ held.T)
 
     def describe(self, free: Array) -> str:
-        """Return the names of the rigid motions that contribute to ``free``."""
+        """Name the rigid motions (translations, rotations) that occur in ``free``."""
         A = self._owned(self.motions())
         B = self._owned(free)
         coefficients = np.linalg.solve(total(self.comm, A @ A.T), total(self.comm, A @ B.T))
@@ -195,9 +196,9 @@ class Parts:
     # -- stiffness -------------------------------------------------------------------------------
 
     def require_hoop_stiffness(self, K: PETSc.Mat) -> None:
-        """Raise ``ValueError`` if a body of revolution does not resist radial translation.
+        """Raise ``ValueError`` if radial translation of a body of revolution needs no force.
 
-        The stiffness of a plane body does not.
+        This happens if the form is that of a plane body, without hoop strain.
         """
         if not self.axisymmetric:
             return
@@ -211,24 +212,26 @@ class Parts:
         )
 
     def softness(self, K: PETSc.Mat) -> Array:
-        """Return the softness of every part, shape (number,); 1 for unstable and rigid ones.
+        """Return the softness of every part, shape (number,).
 
-        It is the ratio of median to mean eigenvalue of the energies of uniform strains. The
-        energies are those of Voigt's average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65,
-        1952). Its eigenvalues are 2 mu (five times in 3D) and 3 lambda + 2 mu for an isotropic
-        body. The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
+        The softness is the median divided by the mean of the eigenvalues of the energies of uniform
+        strains. It measures the resistance to shear relative to the resistance to compression, and
+        is set to 1 for unstable or rigid parts. The energies are those of Voigt's average of the
+        elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). Its eigenvalues are 2 mu (five times
+        in 3D) and 3 lambda + 2 mu for an isotropic body. The ratio 4 mu / (4 mu + lambda) is 0.73
+        for Poisson's ratio 0.3 and 0.008 for 0.499.
 
         Args:
-            K: stiffness.
+            K: stiffness of the body without Dirichlet conditions.
         """
         return np.array([_softness(energies) for energies in self._energies(K)])
 
     def _energies(self, K: PETSc.Mat) -> Array:
-        """Return the energies of pairs of uniform strains in every part, shape (number, k, k).
+        """Return the elastic energies of pairs of k uniform strains, shape (number, k, k).
 
-        The displacements x E have constant gradients E, whose strains are orthonormal. E is
-        symmetric. In a body of revolution the displacements are, up to factors, (r, 0), with the
-        same strain around the axis, (0, z) and (0, r).
+        There is one matrix for every part. The displacements x E have constant symmetric gradients
+        E, which are orthonormal. In a body of revolution the displacements are, up to factors, (r,
+        0), with the same strain around the axis, (0, z) and (0, r).
         """
         p = self.of_owned
         dim = self._dim
@@ -255,10 +258,10 @@ class Parts:
     # -- displacements ---------------------------------------------------------------------------
 
     def largest_turn(self, nodes: Array, u: Array) -> float:
-        """Return the largest linearised mean rotation of the parts, in radians.
+        """Return the largest mean rotation of any part, linearised, in radians.
 
-        The rotation belongs to the rigid motion that is closest to the nodal displacement in the
-        least-squares sense.
+        The mean rotation of a part is that of the rigid motion that approximates the nodal
+        displacement by least squares.
 
         Args:
             nodes: positions of the local nodes, shape (n, dim).
@@ -278,15 +281,16 @@ class Parts:
         return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
     def differences(self, nodes: Array, u: Array) -> tuple[Array, Array]:
-        """Return displacement differences and extents of the parts.
+        """Return the displacement difference and the extents of every part.
 
         Args:
             nodes: positions of the local nodes, shape (n, dim).
             u: local values of the displacement.
 
         Returns:
-            The largest difference of a displacement component between two nodes of each part, shape
-            (parts,), and its extents along the coordinate axes, shape (parts, dim).
+            Largest difference of a displacement component between any two nodes of the part, shape
+            (number of parts,); and extents of the part along the coordinate axes, shape (number of
+            parts, dim).
         """
         dim = self._dim
         values = np.hstack([u.reshape(-1, dim)[: self._n], nodes[: self._n]])
@@ -298,7 +302,7 @@ class Parts:
 
 
 def _softness(energies: Array) -> float:
-    """Return the softness of a part from the energies of its uniform strains (k, k)."""
+    """Return the softness of a part, given the energies of its k uniform strains, shape (k, k)."""
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
@@ -326,13 +330,13 @@ def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> 
 
 
 def diagonal(comm: MPI.Comm, x: Array) -> float:
-    """Return the diagonal of the box around points (n, dim) of all ranks. Collective."""
+    """Return the diagonal of the box around the points of all ranks, shape (n, dim). Collective."""
     low, high = bounding_box(comm, x)
     return float(np.linalg.norm(high - low))
 
 
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
-    """Return the lowest and highest coordinates of points (n, dim) over all ranks. Collective."""
+    """Return the lowest and highest coordinates of the points of all ranks. Collective."""
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
     return -opposite, high
@@ -344,6 +348,6 @@ def combine(gram: Array, modes: Array) -> Array:
 
 
 def loose(gram: Array) -> Array:
-    """Return the null space of a Gram matrix, up to a relative tolerance of 1e-14."""
+    """Return the null space of a Gram matrix: eigenvectors with eigenvalues below 1e-14."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)

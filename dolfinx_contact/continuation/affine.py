@@ -48,10 +48,11 @@ class AffineSystem:
         rate: q, shape (N,).
         bases: B, shape (m, statuses, k, d), oriented so that the determinant of each piece has the
             same sign as the corresponding determinant of the piecewise smooth system.
-        inequalities: C, shape (m, statuses, e, k), padded with zero rows.
-        classify: function mapping a state (m, k) outside the cones to the statuses (m,) of the
-            next iteration of Newton's method.
-        allowed: mask of the statuses that a point may take, shape (m, statuses).
+        inequalities: C, shape (m, statuses, e, k) with at most e inequalities per cone, padded with
+            zero rows.
+        classify: function that maps a state outside the cones, shape (m, k), to the statuses of the
+            next iteration of Newton's method, shape (m,).
+        allowed: mask of the statuses that each point may take, shape (m, statuses).
     """
 
     matrix: Array
@@ -76,7 +77,12 @@ class AffineSystem:
             )
 
     def of_codes(self, values: Array, codes: Codes) -> Array:
-        """Select from an array (m, statuses, ...) the entry of each point for its status."""
+        """Select the entry of each point for its status.
+
+        Args:
+            values: values for all statuses, shape (m, statuses, ...).
+            codes: statuses of the points, shape (m,).
+        """
         return np.asarray(values[np.arange(self.points), codes])
 
     def pieced(self, codes: Codes) -> Array:
@@ -85,7 +91,7 @@ class AffineSystem:
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
     def piece(self, codes: Codes) -> AffinePiece | None:
-        """Return the piece with these statuses; None if it is singular."""
+        """Return the piece with these statuses; None if its matrix is singular."""
         A = self.pieced(codes)
         try:
             inverse = np.asarray(np.linalg.inv(A), dtype=float)
@@ -103,14 +109,14 @@ class AffineSystem:
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
     def step(self, codes: Codes, w: Array, direction: Array) -> float:
-        """Return the distance along a direction to the first border of a piece, or inf."""
+        """Return the distance from a state to the first border along a direction, or inf."""
         slack = self.slacks(codes, w)
         rate = self.slacks(codes, direction)
         falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> Mask:
-        """Return a mask (m, statuses) of the statuses whose closed cones contain ``w``."""
+        """Return a mask of the statuses whose closed cones contain ``w``, shape (m, statuses)."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
         least = np.einsum("msek,mk->mse", self.inequalities, w).min(axis=2, initial=0.0)
@@ -176,7 +182,7 @@ class AffinePiece:
     Attributes:
         system: system of the piece.
         codes: statuses of the points, shape (m,).
-        inverse: A^{-1}, shape (N, N).
+        inverse: A^{-1} of the matrix A = M B, shape (N, N).
         sign: sign of det A.
     """
 
@@ -200,7 +206,7 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece after one point takes the status ``code``; None if it is singular.
+        """Return the piece in which one point has the status ``code``; None if it is singular.
 
         The inverse changes by a matrix of rank d (Woodbury), which costs N^2 d operations. If the
         result is not accurate, the matrix is inverted.

@@ -38,7 +38,7 @@ ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
-    """Return sample values of a range for the validation of data, including both ends."""
+    """Return sample values of a range, both ends included, at which data are validated."""
     return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
@@ -63,7 +63,7 @@ def require_smooth(system: System) -> None:
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
-    """Return the range of a parameter; raise `ValueError` unless it contains ``starts``."""
+    """Return the valid range of a parameter; raise `ValueError` unless it contains ``starts``."""
     name = f"{parameter}_range"
     low, high = (float(end) for end in vector(ends, name, 2))
     if not low < high:
@@ -77,11 +77,11 @@ def checked_range(
 
 
 def check_states(system: System, states: Sequence[Any], what: str) -> None:
-    """Raise `ValueError` on every rank if a state does not fit the system. Collective.
+    """Raise `ValueError` on every rank if a state is not a vector of the system. Collective.
 
     Args:
         system: system of equations.
-        states: vectors of unknowns.
+        states: vectors of unknowns x.
         what: description of a state, for the message.
     """
     same_everywhere(system.comm, number_of_states=len(states))
@@ -110,11 +110,11 @@ def check_listeners(
     """Raise `ValueError` if ``observer``, ``record``, ``progress`` or ``stop`` is not valid.
 
     Args:
-        observer: observer or function of a step.
-        record: record of the steps.
+        observer: observer, or function called with every step.
+        record: record that stores the steps.
         progress: whether to show a progress bar.
-        stop: function of a step.
-        of: required class of a record, for the message.
+        stop: function called with every step.
+        of: required class of the record.
     """
     if observer is not None:
         as_observer(observer)
@@ -147,7 +147,7 @@ def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str
     Args:
         comm: communicator.
         what: name of the process, such as "branch", for the message.
-        stop: function of the user.
+        stop: function of the user, called with the step.
         step: accepted step, whose state is in the problem.
 
     Raises:

@@ -83,7 +83,10 @@ class BifurcationTest:
         return tau
 
     def kernel(self) -> PETSc.Vec:
-        """Return the unit vector V of the last call: the kernel of J where tau vanishes."""
+        """Return the unit vector along V of the last call.
+
+        Where tau vanishes, it spans the kernel of J.
+        """
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()
         v.scale(1.0 / self._bordered.length(v))

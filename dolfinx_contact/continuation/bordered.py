@@ -44,9 +44,9 @@ class Bordered(Layout):
             are iterative, and their cost grows with the accuracy.
         x_scale: square of the unit length of x; 0 until a tangent moves x.
         x_scale_is_new: flag set together with `x_scale`; the reader of the flag resets it.
-        sense: ratio 1 or -1 of the signs of det J with the last tangent as last row and with the
-            actual last row. Replacing the row by the tangent multiplies the determinant by the
-            inner product of the two.
+        sense: 1 if det J has the same sign with the last tangent as last row as with the actual
+            last row, otherwise -1. Replacing the row by the tangent multiplies the determinant by
+            the inner product of the two.
     """
 
     solver: Factorised | Krylov
@@ -99,7 +99,7 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def _square(self, y: PETSc.Vec) -> float:
-        """Return the square of the length of x in the metric of the system, without `x_scale`."""
+        """Return x . M x for the part x of ``y``, with the metric M of the system."""
         x, _ = self.split(y)
         self.system.metric(x, self._w)
         return float(self._w.dot(x))

@@ -40,7 +40,7 @@ class BranchPoint:
         gamma: parameter.
         step: length of the step to this point.
         corrections: Newton iterations of the corrector.
-        tau: value of the test function of smooth bifurcations, which changes its sign there.
+        tau: value of the test function, which changes its sign at smooth bifurcations.
     """
 
     y: PETSc.Vec = field(repr=False)
@@ -86,7 +86,7 @@ def kind_of_kink(meets: bool, turned: bool) -> Kind:
     """Return the kind of a nonsmooth point.
 
     Args:
-        meets: True if other branches meet there.
+        meets: True if other branches meet at the point.
         turned: True if gamma turns back.
     """
     return "bifurcation" if meets else "fold" if turned else "event"
@@ -113,8 +113,9 @@ class SpecialPoint:
     """A kink, fold or bifurcation of a branch.
 
     Attributes:
-        kind: ``"event"`` if a status changes and gamma continues, ``"fold"`` if gamma turns back,
-            ``"bifurcation"`` if other outgoing rays exist, ``"end"`` if no ray was found.
+        kind: ``"event"`` if a status changes and gamma continues in its direction, ``"fold"`` if
+            gamma turns back, ``"bifurcation"`` if other outgoing rays exist, ``"end"`` if no
+            outgoing ray was found.
         smooth: False if a status changes at the point.
         gamma: parameter; at an event that is not located, an estimate.
         y: vector (x, gamma); at an event that is not located, the following point of the branch.
@@ -125,7 +126,7 @@ class SpecialPoint:
         others: outgoing rays not taken by the branch.
         complete: True if `others` is provably complete.
         incoming: incoming ray at a bifurcation; its tangent points to the bifurcation.
-        onwards: outgoing ray of the branch at a bifurcation.
+        onwards: outgoing ray along which the branch continues at a bifurcation.
         method: description of the search for rays.
         bracket: values of gamma that enclose an event that is not located; None if located.
     """
@@ -146,7 +147,7 @@ class SpecialPoint:
 
     @property
     def located(self) -> bool:
-        """True if `gamma` and `y` are exact to round-off."""
+        """True if `gamma` and `y` are those of the special point, to round-off."""
         return self.bracket is None
 
 
@@ -157,8 +158,8 @@ class Branch(Ends):
     Attributes:
         points: points in order, the start first.
         special: events, folds and bifurcations in order.
-        ending: kind of its end.
-        reason: description of its end.
+        ending: kind of the end of the branch.
+        reason: description of the end of the branch.
         factorisations: number of bordered matrices factorised.
         solves: number of right-hand sides.
         start_correction: largest change of an unknown by the correction of the start at fixed
@@ -254,9 +255,9 @@ class Diagram(Ends):
         nodes: bifurcations.
         complete: True if all rays of all nodes are known and have been traced to the ends of their
             branches.
-        ending: kind of the end of the exploration; if branches were cut off, the ending of the
+        ending: kind of the end of the exploration; if branches ended prematurely, the ending of the
             first of them.
-        reason: description of the end.
+        reason: description of the end of the exploration.
         start_correction: largest correction of a start, see `Branch.start_correction`.
     """
 

@@ -84,13 +84,14 @@ class Rays(FoundRays[AffineRay]):
 def neighbours(
     piece: AffinePiece, w: Array, kinked: int, possible: Mask, tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
-    """Return the pieces beyond a vertex at which one point changes its status.
+    """Return the pieces beyond a vertex at which a single point changes its status.
 
     Args:
         piece: piece that reaches the vertex.
         w: state at the vertex, shape (m, k).
         kinked: the only point at a border.
-        possible: statuses whose cones contain the point, shape (statuses,).
+        possible: mask of the statuses whose closed cones contain the variables of this point, shape
+            (statuses,).
         tolerance: distance that counts as zero.
 
     Returns:
@@ -117,9 +118,10 @@ def outgoing(
     """Find the rays of a tangent cone.
 
     Args:
-        cone: system without load.
+        cone: affine system without load, M dw = dgamma q.
         known: rays that are already known; default: none.
-        prove: function that searches for a proof that unfolding has found all rays.
+        prove: function that searches for a proof that unfolding has found all rays; default: no
+            proof.
 
     Raises:
         ValueError: if the system contains a number that is not finite.
@@ -145,7 +147,10 @@ def outgoing(
 
 
 def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
-    """Add the rays of a proof; the result is complete if the proof is and all its rays exist."""
+    """Add the rays of a proof to unfolded rays.
+
+    The result is complete if the proof is complete and the existence of all its rays is proved.
+    """
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
     complete = proof.verdict == "complete" and len(certain) == len(pieces)
@@ -154,7 +159,7 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
 
 
 def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tuple[AffineRay, ...]:
-    """Return the rays lying in one piece or on its border."""
+    """Return the rays that lie in the piece with given statuses or on its border."""
     points = np.arange(cone.points)
     return tuple(
         r
@@ -220,7 +225,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
 
 
 def _solve_all(A: Array, q: Array) -> tuple[Mask, Array]:
-    """Return a mask of the regular matrices A_i, and A_i^{-1} q, zero for singular matrices."""
+    """Return a mask of the regular matrices among A_i, and A_i^{-1} q, 0 for singular ones."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -261,16 +266,16 @@ def _senses(
     z: Array,
     rate: float,
 ) -> Iterator[AffineRay]:
-    """Yield the rays along a kernel vector and its reverse that stay inside the cones.
+    """Yield the rays inside the cones among a kernel vector and its reverse.
 
     Args:
         cone: tangent cone.
         codes: statuses of the points.
-        kinked: indices of the points with several statuses.
-        smooth: indices of the eliminated points, which have one status.
-        fixed: matrix columns of the eliminated points.
+        kinked: indices of the points that may take several statuses.
+        smooth: indices of the eliminated points, which may take one status only.
+        fixed: columns of M B of the eliminated points.
         z: coordinates of the kinked points in the bases of their cones.
-        rate: dgamma of the kernel vector.
+        rate: component dgamma of the kernel vector.
     """
     B = cone.of_codes(cone.bases, codes)
     w: Array = np.zeros(cone.matrix.shape[1:])
@@ -294,7 +299,7 @@ def _senses(
 
 
 def _least(slack: Array) -> float:
-    """Return the least finite slack."""
+    """Return the smallest finite slack of an inequality."""
     return float(np.min(slack[np.isfinite(slack)], initial=np.inf))
 
 
@@ -353,7 +358,7 @@ def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """Return the outgoing ray of the unfolded branch that arrives along ``ray``, or None."""
+    """Return the ray along which the unfolded branch arriving along ``ray`` leaves, or None."""
     if ray.rate == 0:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # moves points of the ray off borders
@@ -397,7 +402,12 @@ def same_direction(a: AffineRay, b: AffineRay) -> bool:
 
 
 def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
-    """Return the items without duplicates; the first of equal items is kept."""
+    """Return the items without duplicates, in their order.
+
+    Args:
+        items: items.
+        same: function returning whether two items are equal.
+    """
     kept: list[Item] = []
     for item in items:
         if not any(same(item, other) for other in kept):

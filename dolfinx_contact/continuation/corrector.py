@@ -12,8 +12,8 @@ H = 0 and one additional row:
 If further solves with a matrix are cheap, a few corrections with the previous matrix (*chord*
 steps) replace the last Newton step if they reach the tolerance as well (C. T. Kelley, Iterative
 Methods for Linear and Nonlinear Equations, SIAM 1995, section 5.4). Otherwise linear solves are
-inexact (`Forcing`), and a few cheap rows are corrected between the steps (`settle`). Convergence is
-always tested with the residual of H.
+inexact (`Forcing`), and a few rows that are cheap to evaluate are corrected between the steps
+(`settle`). Convergence is always tested with the residual of H.
 
 The SNES has the type "python": PETSc iterates, calls monitors and counts; `_Run` evaluates H, tests
 convergence and takes the steps of one correction. Options have the prefix of the branch, such as
@@ -62,11 +62,11 @@ class _Matrices:
     """Bookkeeping of the matrices and chord steps of one run.
 
     Attributes:
-        from_before: whether the run still uses the matrix of the previous run.
-        reusable: whether further corrections may use the matrix.
-        number: number of matrices.
+        from_before: whether the present run still uses the matrix of the previous run.
+        reusable: whether further corrections may use the present matrix.
+        number: number of matrices assembled in the run.
         chords: number of chord steps since the last matrix.
-        codes: statuses on this rank at which the matrix was assembled; None on a fixed piece.
+        codes: statuses on this rank with which the matrix was assembled; None on a fixed piece.
     """
 
     from_before: bool
@@ -101,7 +101,7 @@ class _Matrices:
 
 
 class Corrector:
-    """Correctors on a bordered system. Methods are collective.
+    """Corrector on a bordered system. Methods are collective.
 
     Args:
         bordered: vectors and linear algebra.
@@ -210,8 +210,8 @@ class Corrector:
             towards: direction with which the tangent encloses an angle of at most 90 degrees.
             piece: piece of H; None for H itself.
             start: previous point of the branch, at which ``towards`` is the tangent. The parabola
-                through both points provides the initial guess of an iterative solve; default: the
-                guess is ``towards``.
+                through both points provides the initial guess of an iterative solve. Default:
+                ``towards`` is the guess.
             factorise: whether to factorise the matrix in any case.
             precise: False if an iterative solve may be inaccurate, because the tangent only serves
                 as the direction of the next step.
@@ -275,7 +275,7 @@ class Corrector:
             y: predicted point.
             t: direction whose dual vector is the last row.
             piece: piece of H; None for H itself.
-            target: keyword arguments of `_Run`.
+            target: further keyword arguments of `_Run`.
         """
         if self.bordered.comm.size > 1:
             PETSc.garbage_cleanup(self.bordered.comm)
@@ -305,8 +305,8 @@ class _Run:
         y: predicted point.
         t: direction whose dual vector is the last row.
         piece: piece of H; None for H itself.
-        to: start and distance along ``t``. None: every correction is orthogonal to ``t``, which is
-            updated in place.
+        to: starting point and prescribed distance from it along ``t``. If None, every correction is
+            orthogonal to ``t``, which is updated in place.
         polish: see `Corrector.pseudo_arclength`.
         keep: see `Corrector.pseudo_arclength`.
 
@@ -449,7 +449,7 @@ class _Run:
         return self._b.piece_at(y).codes
 
     def _share_of_changes(self, codes: Codes | None) -> float:
-        """Return the fraction of all points whose status differs from its status in the matrix.
+        """Return the fraction of points whose status has changed since the matrix was assembled.
 
         Before the first matrix the fraction is 1.
         """
@@ -465,7 +465,7 @@ class _Run:
     # -- iterative solves ------------------------------------------------------------------------
 
     def _accuracy(self, y: PETSc.Vec, changed: float) -> dict[str, Any]:
-        """Return the accuracy of the next linear solve, arguments of `Krylov.solve`."""
+        """Return the accuracy of the next linear solve as keyword arguments of `Krylov.solve`."""
         assert self._error is not None
         tolerance = self._control.tolerance
         if self._error <= tolerance:
@@ -476,7 +476,7 @@ class _Run:
         return {"rtol": rtol, "model": (self._rule, partial(self._remainder, y))}
 
     def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
-        """Return the norm of the cheap nonlinear rows of H at ``y - step``."""
+        """Return the norm of the rows `System.contact_rows` of H at ``y - step``."""
         b = self._b
         self._work.away.waxpy(-1.0, step, y)
         rows = b.system.contact_rows(*b.split(self._work.away), self._piece)

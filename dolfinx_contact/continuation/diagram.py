@@ -6,7 +6,7 @@
 2. A branch ends at its first bifurcation, which becomes a node with all of its rays. A branch that
    arrives at an existing node occupies the ray of its arrival, so that no branch is traced twice.
 3. Where the range of gamma ends at a kink, rays leading back into the range are traced as well.
-4. A new branch starts along every ray without a branch, until no such ray is left.
+4. New branches start along rays without a branch until all rays have one.
 """
 
 from __future__ import annotations
@@ -97,10 +97,10 @@ def explore(
         system: H with its pieces.
         starts: approximate solutions x with their gamma, inside the range. They are corrected at
             fixed gamma; `Diagram.start_correction` reports the largest change.
-        gamma_range: range of gamma; branches end at either end.
-        control: step lengths.
+        gamma_range: range of gamma, at whose ends branches end.
+        control: step lengths and other parameters.
         max_steps: largest number of steps of a branch.
-        max_branches: largest number of branches.
+        max_branches: largest number of branches in the diagram.
         route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
             corrector; ``"auto"`` by pivoting where possible.
         stop: function of every accepted step returning the reason to end the branch there, or ""
@@ -159,7 +159,7 @@ class _Explorer:
         self._all_rays_known = True
 
     def run(self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int) -> None:
-        """Trace branches until no ray is left or the budget is exhausted."""
+        """Trace branches until every ray has a branch or the budget is exhausted."""
         diagram = self.diagram
         pending = list(starts)
         while pending or self._waiting or diagram.open_rays():
@@ -197,7 +197,10 @@ class _Explorer:
     # -- branches --------------------------------------------------------------------------------
 
     def _depart(self, x: PETSc.Vec, gamma: float) -> None:
-        """Queue the rays of a start that stay in the range of gamma, or make it a node."""
+        """Queue the rays of a start that stay in the range of gamma.
+
+        A start with more than two rays becomes a node instead.
+        """
         departures = self.follower.departures(x, gamma)
         moved = [self.follower.correction(x, p) for p in departures.rays[:1]]
         self.diagram.start_correction = max([self.diagram.start_correction, *moved])
@@ -252,7 +255,7 @@ class _Explorer:
         self._observers.explored(self.diagram)
 
     def _arrive(self, special: SpecialPoint, number: int) -> int | None:
-        """Return the node at which branch ``number`` ends; None if its rays are unknown.
+        """Return the node at the end of branch ``number``; None if the rays there are unknown.
 
         The rays of a kink are unknown if a step has passed the kink without locating it.
         """
@@ -295,10 +298,10 @@ class _Explorer:
     # -- nodes -----------------------------------------------------------------------------------
 
     def _node_of(self, found: FoundRays[BranchPoint], inside: Sequence[BranchPoint]) -> int:
-        """Return the node at a point with more than two rays; create it if it does not exist.
+        """Return the node at a point with more than two rays; create the node if necessary.
 
         Args:
-            found: all rays of the point.
+            found: all outgoing rays of the point.
             inside: rays leading into the range of gamma.
         """
         point = inside[0]

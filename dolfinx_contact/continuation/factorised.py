@@ -160,7 +160,7 @@ class _RowUpdate:
         return regular
 
     def _changed_rows(self, row_of: Indices, change: Array, chosen: Mask, number: int) -> Indices:
-        """Return the local rows whose chosen entries have changed beyond round-off, or are NaN."""
+        """Return the local rows in which chosen matrix entries have changed or are NaN."""
         sizes, changes = (
             np.bincount(row_of[chosen], weights=np.abs(v[chosen]), minlength=number)
             for v in (self._base, change)
@@ -176,7 +176,13 @@ class _RowUpdate:
         return self._columns[row]
 
     def _solved(self, like: PETSc.Mat, rows: Any, values: Any) -> PETSc.Vec:
-        """Return A_0^{-1} times the vector with these local entries."""
+        """Return A_0^{-1} times the vector with given local entries.
+
+        Args:
+            like: vector with the required layout.
+            rows: local rows of the entries.
+            values: entries.
+        """
         load, w = like.createVecs()
         load.array[rows] = values
         self._factor.solve(load, w)
@@ -184,7 +190,10 @@ class _RowUpdate:
         return w
 
     def _products(self, vectors: list[PETSc.Vec]) -> Array:
-        """Return V^T times the vectors, shape (k, number of vectors), on every rank."""
+        """Return V^T times the vectors on every rank.
+
+        Shape (k, number of vectors), with the k columns of V.
+        """
         V = self._V
         assert V is not None
         out = V.createVecLeft()
@@ -279,7 +288,7 @@ class Factorised:
         self._is_updated = None
 
     def prepare(self) -> bool:
-        """Prepare for solves; False if J is singular."""
+        """Prepare for solves; return False if J is singular."""
         return self._is_current or self._has_few_changes() or self._factorise()
 
     def _factorise(self) -> bool:

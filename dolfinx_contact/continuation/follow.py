@@ -109,7 +109,7 @@ def follow(
         x: approximate solution at ``gamma``, corrected at fixed gamma; `Branch.start_correction`
             reports the change.
         gamma: parameter at the start.
-        gamma_range: range of gamma; the branch ends at either end.
+        gamma_range: range of gamma, at whose ends the branch ends.
         direction: direction of gamma at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
         max_steps: largest number of steps, after which the incomplete branch is returned.
@@ -117,8 +117,8 @@ def follow(
             corrector; ``"auto"`` by pivoting where possible.
         stop: function of every accepted step returning the reason to end the branch there, or "" to
             continue. During the call the problem is in the state of the point: Functions, statuses,
-            gamma and data driven by gamma (`System.put`). It is not called for the last point of a
-            branch that ends for another reason.
+            gamma and data driven by gamma (`System.put`). The function is not called for the last
+            point of a branch that ends for another reason.
         observer: function of every step, start and end included, or an `Observer`.
         record: observer storing every point before ``observer`` is called, such as a
             `records.BranchRecord`.
@@ -247,8 +247,13 @@ class Follower(Tracer):
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
         """Return the piece on which a branch leaves ``y``.
 
-        If borders begin to exist exactly at this gamma, as with friction that grows from zero,
-        several pieces meet without an event. Then the piece just beyond this gamma is used.
+        If borders of pieces come into existence exactly at this gamma, as with friction that grows
+        from zero, several pieces meet without an event. Then the piece just beyond this gamma is
+        used.
+
+        Args:
+            y: point (x, gamma).
+            sign: direction of gamma, 1 or -1.
         """
         x, gamma = self.bordered.split(y)
         piece = self.system.piece_at(x, gamma)
@@ -482,8 +487,9 @@ def points_at(
 ) -> list[BranchPoint]:
     """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
 
-    The data of the system are restored. Points in the small gap between a bifurcation and the first
-    point of a branch leaving it are missed if the branch was traced by predictor-corrector steps.
+    The data of the system are restored. If the branch was traced by predictor-corrector steps,
+    points between a bifurcation and the first point of a branch leaving it, which is close to the
+    bifurcation, are missed.
 
     Args:
         system: system of the branch.

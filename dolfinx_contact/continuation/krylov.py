@@ -7,7 +7,7 @@ s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
     x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
 
 is the exact inverse of [P P v; w^T w_gamma] and preconditions J. Each application costs one P^-1.
-The first one satisfies the last row exactly; the iterations omit the last row.
+The first application satisfies the last row of J exactly; the subsequent iterations omit this row.
 
 If (t_x, t_gamma) approximates the tangent of the branch, v = -t_x / t_gamma is used if A v - c is
 small, corrected in the rows in which P is exact. Otherwise, as near folds, v = P^-1 c costs one
@@ -105,7 +105,14 @@ class Krylov:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Set J at ``y`` for the following solves; ``along`` is an approximate tangent."""
+        """Set J at ``y`` for the following solves.
+
+        Args:
+            y: point (x, gamma).
+            row: last row of J.
+            piece: piece of H; None for H itself.
+            along: approximate tangent.
+        """
         layout = self._layout
         x, gamma = layout.split(y)
         self._sign = None

@@ -88,7 +88,7 @@ class Layout:
         return self.system.piece_at(*self.split(y))
 
     def last_unit(self, gamma: float = 1.0) -> PETSc.Vec:
-        """Create the vector (0, gamma); (0, 1) is the right-hand side of tangents."""
+        """Create the vector (0, gamma); the right-hand side for tangents is (0, 1)."""
         e = self.vector()
         e.set(0.0)
         if self.last:

@@ -39,9 +39,9 @@ class _End(Generic[V]):
     Attributes:
         s: distance from the start of the step along its tangent.
         y: state.
-        value: function or events there.
-        weight: factor of the value in the next secant step.
-        stayed: True if this end did not move in the last step.
+        value: value of the function, or distances to borders, at this end.
+        weight: factor of ``value`` in the next secant step.
+        stayed: True if the last step moved the other end.
     """
 
     s: float
@@ -52,7 +52,7 @@ class _End(Generic[V]):
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket left by a trial point.
+    """Return the bracket that remains after a trial point.
 
     The point ``new`` lies before the zero or, with ``beyond``, after it.
     """
@@ -70,7 +70,7 @@ class Locator:
 
     Attributes:
         test: test function of smooth bifurcations.
-        largest_distance: largest distance of an event so far, the unit of distances.
+        largest_distance: largest distance to a border so far, the unit of distances.
     """
 
     def __init__(self, corrector: Corrector):
@@ -83,12 +83,12 @@ class Locator:
     # -- events ----------------------------------------------------------------------------------
 
     def unit(self, events: Events) -> float:
-        """Return the largest event distance so far, the unit of distances.
+        """Return the largest distance to a border so far, the unit of distances.
 
         The present distances are not sufficient: all of them may vanish.
 
         Args:
-            events: distances at the present point.
+            events: distances to the borders at the present point.
         """
         largest = self.bordered.largest(events.distance)
         self.largest_distance = max(self.largest_distance, largest)
@@ -149,9 +149,9 @@ class Locator:
         """Locate a zero of a function between two points.
 
         Args:
-            point: point where the bracket begins.
-            y_high: state where it ends.
-            values: values of the function at the two ends.
+            point: point at the beginning of the bracket.
+            y_high: state at the end of the bracket.
+            values: values of the function at both ends of the bracket.
             function: function of y and the tangent, called after J has been factorised there.
             piece: piece of the branch in between; None for H itself.
         """
@@ -196,11 +196,11 @@ class Locator:
         """Correct ``y`` at the distance ``s``; False if it fails or leaves the neighbourhood.
 
         Args:
-            point: point where the bracket begins.
+            point: point at the beginning of the bracket.
             y: trial state, corrected in place.
             s: distance from the point along its tangent.
             piece: piece of the branch; None for H itself.
-            reach: largest distance of the result from the tangent.
+            reach: largest admissible distance of the result from the tangent.
             polish: whether to add a correction after the tolerance has been reached.
             keep: whether to start with the matrix of the previous correction, which must have used
                 the same tangent and piece.
@@ -254,9 +254,9 @@ class Locator:
         """Return True if gamma turns back between two points of a piece and no fold was located.
 
         Args:
-            point: point where a step begins.
-            new: point where it ends.
-            special: special points located in between.
+            point: point at the beginning of a step.
+            new: point at the end of the step.
+            special: special points located between the two.
         """
         turned = self.turned(point.tangent, new.tangent)
         return turned and not any(s.kind == "fold" for s in special)

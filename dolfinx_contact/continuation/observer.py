@@ -57,7 +57,8 @@ class BranchStep:
     Attributes:
         branch: number of the branch.
         index: number of the point on the branch, from 0.
-        point: point of the branch; the start and the end are also passed as steps.
+        point: point of the branch at the end of the step; the start and the end of the branch are
+            also passed as steps.
         special: special points between the previous point and this one.
     """
 
@@ -72,10 +73,10 @@ class Stepping:
     """State of the tracing at a point, from which a branch can be resumed without changes.
 
     Attributes:
-        index: number of the point on its branch.
+        index: number of the point on its branch, from 0.
         next_step: length of the next step.
         x_scale: square of the unit length of x; 0 if no tangent has moved x yet.
-        largest_distance: largest distance of all events so far.
+        largest_distance: largest distance to a border of a piece so far.
         scales: scales of residuals on the branch so far; () for pivoting.
         ending: ending of the branch at this point; None if the branch continues, or ends after it
             without another point.
@@ -110,7 +111,7 @@ class Observer:
     to this state.
 
     Observers must be read-only. The accepted state is restored before the record is written and
-    before the next step, so that values written to the Functions are lost. Changes of data, such as
+    before the next step, so that values written to the Functions are lost. Changes to data, such as
     a friction coefficient, are not detected: they affect all later steps.
 
     An exception of an observer on any rank ends the run on every rank.

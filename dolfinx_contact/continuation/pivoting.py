@@ -115,7 +115,8 @@ class Pivoting(Tracer):
     def _cone_at(self, w: Array, ray: AffineRay) -> AffineSystem | None:
         """Return the tangent cone at a state; None unless pieces meet there.
 
-        In a state without load all variables vanish; then their change along the ray is the scale.
+        Distances are compared with the largest distance so far. In a state without load all
+        variables vanish; then their change along the ray is used instead.
         """
         change = self.bordered.gamma_scale * largest(ray.direction)
         tolerance = TOLERANCE * max(self.largest_distance, change)
@@ -182,7 +183,15 @@ class Pivoting(Tracer):
     def _passes(
         self, w: Array, ray: AffineRay, length: float, w_origin: Array, origin: BranchPoint
     ) -> bool:
-        """Return True if a segment passes the start of the branch."""
+        """Return True if a segment passes the start of the branch.
+
+        Args:
+            w: state at the start of the segment.
+            ray: ray of the segment.
+            length: length of the segment.
+            w_origin: state at the start of the branch.
+            origin: start of the branch.
+        """
         if not np.array_equal(self.condensed.codes(origin.piece), ray.codes):
             return False
         d = ray.direction

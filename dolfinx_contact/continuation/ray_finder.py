@@ -150,14 +150,15 @@ class RayFinder:
         most: int = _MOST_PIECES,
         tried: tuple[int, ...] | None = None,
     ) -> FoundRays[Ray]:
-        """Return the rays of all pieces meeting at the point; none if they are too many.
+        """Return the rays of all pieces meeting at the point; no rays for too many pieces.
 
         Args:
             piece: piece defining the statuses of all other points.
             kinks: kinked points.
             towards: direction in which tangents are tried first.
             most: largest number of pieces.
-            tried: statuses of the kinked points to skip; default: none.
+            tried: statuses of the kinked points that have been tried and are skipped; default:
+                none.
         """
         number = math.prod(len(k.statuses) for k in kinks)
         if number > most:
@@ -173,7 +174,7 @@ class RayFinder:
     def of_statuses(
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
-        """Return the rays, at most two, of the piece with statuses ``codes`` at the kinks."""
+        """Return the rays, at most two, of the piece in which kinked points have given statuses."""
         rank = self._bordered.comm.rank
         own = [c for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
         new = piece.with_codes(self._own_points(kinks), own)
@@ -197,9 +198,9 @@ class RayFinder:
         """Return the ray towards a solution of H near the point, with recomputed statuses.
 
         Args:
-            senses: signs of the change of gamma, in the order of the trials.
-            leads: criterion accepting a ray, called with the ray and the vector from the point
-                to the solution.
+            senses: signs of the changes of gamma that are tried, in this order.
+            leads: function that decides whether to accept a ray, called with the ray and the vector
+                from the point to the solution.
             tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """
         b = self._bordered
@@ -254,14 +255,14 @@ class RayFinder:
 
 
 class KinkRayFinder(RayFinder):
-    """Search for outgoing rays of a kink, along which the distances to borders grow.
+    """Search for the outgoing rays of a kink: rays along which the distances to borders grow.
 
     Args:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
         piece: piece of the branch there.
         tolerance: distance that counts as zero.
-        idle: whether to accept rays along which all kinked points stay at their borders.
+        idle: whether to accept rays along which all kinked points remain on their borders.
 
     Attributes:
         kinks: kinked points of all ranks.

@@ -79,8 +79,8 @@ class Continuum:
 
     Attributes:
         piece: statuses.
-        ends: solutions that span the continuum, two for a segment; for an unbounded set only the
-            existing ends.
+        ends: solutions that span the continuum, two for a segment; if it is unbounded, its existing
+            ends.
     """
 
     piece: Piece
@@ -93,7 +93,7 @@ class Solutions:
 
     Attributes:
         gamma: parameter.
-        found: solutions; solutions passed as known come first.
+        found: solutions at gamma; those passed as ``known`` come first.
         complete: True if the solutions are provably complete.
         method: description of the search.
         continua: continua found by enumeration; their ends are in `found` as well.
@@ -171,12 +171,12 @@ def find_solutions(
 
     Args:
         system: H with its pieces.
-        guesses: initial states, at least one. Newton's method starts from them and from states next
-            to the solutions, until a round of starts yields no new solution.
+        guesses: initial states, at least one. Newton's method starts from these states and from
+            states next to the solutions, until a round of starts yields no new solution.
         gamma: parameter.
         known: known solutions, which repel the deflated search; default: none.
-        lengths: distances at which a solution repels the iteration, relative to its distance from
-            the guess.
+        lengths: distances within which a solution repels the iteration, relative to the distance of
+            the solution from the guess.
         max_iterations: largest number of iterations of a run of Newton's method.
         tolerance: relative residual of a solution.
         deflation: True to use deflation even if the pieces are affine.
@@ -247,7 +247,10 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
 
 
 def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Return solutions as rays under the total load; None without condensation. Collective."""
+    """Return solutions as rays of the cones under the total load. Collective.
+
+    None if the system cannot be condensed onto its points.
+    """
     condensed = system.condensed(x, gamma)
     if condensed is None:
         return None
@@ -366,7 +369,7 @@ class _Deflated:
         return None, tried
 
     def _beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
-        """Yield two states next to each solution, on the line through the guess."""
+        """Yield two states next to each solution, on the line through solution and guess."""
         for x in solutions:
             for part in (-0.1, 0.1):
                 yield self.bordered.moved(x, part, x - guess)
@@ -391,7 +394,7 @@ class _Deflated:
         Args:
             guess: initial state.
             piece: piece of the first step, which is not deflated; None for H itself.
-            known: deflated solutions.
+            known: known solutions, which are deflated.
             length: distance at which the deflated solutions repel the iteration, relative to their
                 distance from the guess.
         """
@@ -424,7 +427,7 @@ class _Deflated:
     def _factor(
         self, x: PETSc.Vec, dx: PETSc.Vec, known: Sequence[PETSc.Vec], squares: Sequence[float]
     ) -> float:
-        """Return the factor 1 / (1 - grad log m . dx) of the Newton step of H."""
+        """Return the factor 1 / (1 - grad log m . dx) by which the Newton step dx is multiplied."""
         slope = 0.0
         for other, square in zip(known, squares, strict=True):
             # log(1/d + 1) with d = |x - x_k|^2 changes by -2 (x - x_k) . dx / (d (1 + d))
@@ -436,7 +439,13 @@ class _Deflated:
     def _product(
         self, x: PETSc.Vec, other: PETSc.Vec, dx: PETSc.Vec | None = None
     ) -> tuple[float, float]:
-        """Return |x - x_k|^2 and (x - x_k) . dx in the metric of the system."""
+        """Return |x - x_k|^2 and (x - x_k) . dx in the metric of the system.
+
+        Args:
+            x: iterate.
+            other: solution x_k.
+            dx: Newton step.
+        """
         away = x - other
         self.system.metric(away, self._w)
         return float(self._w.dot(away)), 0.0 if dx is None else float(self._w.dot(dx))

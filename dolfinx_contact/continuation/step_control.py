@@ -32,7 +32,7 @@ def sign_of(direction: Direction) -> float:
 
 @dataclass(frozen=True)
 class StepControl:
-    """Step lengths, in units in which the first tangent and the range of gamma have size 1.
+    """Step lengths, in units in which the first tangent and the range of gamma have length 1.
 
     Attributes:
         initial: length of the first step.
@@ -40,8 +40,9 @@ class StepControl:
         maximum: longest step.
         increase: factor after a step with at most ``easy`` corrections.
         decrease: factor after a rejected step.
-        easy: number of corrections of an easy step.
-        cosine: smallest cosine between the tangents of two successive points of one piece.
+        easy: largest number of corrections after which the step length is increased.
+        cosine: smallest admissible cosine of the angle between the tangents of two successive
+            points of one piece.
         corrections: largest number of corrections of a step.
         tolerance: largest relative residual of an accepted point.
         kinks: method of passing kinks. ``"exact"``: every event is located, and a step ends there.

@@ -80,9 +80,9 @@ class _Trial:
 
     Attributes:
         new: end of the step; None if the step failed.
-        changes: changes of status in order, each with the fraction of the step at which it occurs
-            if the distance is linear.
-        monotone: True if gamma does not turn back over the changes and the parity is positive.
+        changes: changes of status in order, each with the fraction of the step at which it occurs.
+            Distances to borders are assumed to be linear.
+        monotone: True if gamma does not turn back at any of the changes and the parity is positive.
         parity: product of the parities of the changes; 0 if unknown.
     """
 
@@ -131,7 +131,7 @@ class ExactSteps(Locator):
         return self._to_the_border(point, h, new.y) or shorter
 
     def _over_kink(self, point: BranchPoint) -> Advance | None:
-        """Continue beyond a kink if no step succeeds; None if this is impossible."""
+        """Continue beyond a kink if no step succeeds; return None if this is impossible."""
         return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
@@ -180,7 +180,7 @@ class ExactSteps(Locator):
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
-        """Return the branch point at the located state y; None without a tangent."""
+        """Return the branch point at a located state ``y``; None if the tangent is not unique."""
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None
@@ -213,7 +213,7 @@ class ExactSteps(Locator):
         return not (turns or aside or abs(along - h) > _SHARE * h or off > h)
 
     def _within_piece(self, point: BranchPoint, new: BranchPoint, h: float) -> Advance | None:
-        """Accept a step without a change of status; None if it misses a fold."""
+        """Accept a step without a change of status; return None if it misses a fold."""
         special = self.smooth_points(point, new)
         if self.lacks_fold(point, new, special):
             return None
@@ -227,7 +227,12 @@ class ExactSteps(Locator):
     # -- kinks -----------------------------------------------------------------------------------
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
-        """Return True if a distance is zero at ``point``, grows, and is negative at ``y_high``."""
+        """Return True if a distance to a border is 0, grows, and is negative at the end.
+
+        Args:
+            point: start of the step.
+            y_high: end of the step.
+        """
         b = self.bordered
         low, rate = b.events_along(point.y, point.piece, point.tangent)
         border = AT_BORDER * self.unit(low)
@@ -282,7 +287,7 @@ class ExactSteps(Locator):
         return self.rescaled(new), [*special, vertex], h
 
     def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
-        """Return True if a ray leads back along the incoming branch of ``point``."""
+        """Return True if a ray leads back along the branch by which ``point`` was reached."""
         if self._incoming is None or self._incoming[0] is not point.y:
             return False
         incoming = self._incoming[1]
@@ -380,11 +385,11 @@ class _StepsOnH(ExactSteps):
         return self._shortened(point, trial, h)
 
     def _first_located(self, trial: _Trial) -> float:
-        """Return the fraction of the step before the first change to be located; inf for none."""
+        """Return the fraction of a step at which the first change to be located occurs, or inf."""
         return np.inf
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
-        """Return the length of the next attempt after a refused trial."""
+        """Return the length of the next attempt after a rejected trial."""
         return h * self.control.decrease
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
@@ -427,7 +432,7 @@ class _StepsOnH(ExactSteps):
 
 
 class BatchedSteps(_StepsOnH):
-    """Steps over any number of kinks along which the branch is monotone.
+    """Steps that may pass any number of kinks if the branch is monotone.
 
     Args:
         corrector: corrector on the bordered system.

@@ -70,11 +70,11 @@ class Events:
 
 
 def matched_distances(here: Events, there: Events, missing: Array | None = None) -> Array:
-    """Return the distances at another state to the borders ``here``. Not collective.
+    """Return the distances of another state to the borders in ``here``. Not collective.
 
     Borders of some laws exist in some states only; for example, the border of stick exists only
-    where there is friction. If both states have events of the same points, the events correspond in
-    order, even if one of them leads to another status at the other state.
+    where there is friction. If both states have events of the same points, the events correspond to
+    each other in their order, even if the statuses beyond the borders differ.
 
     Args:
         here: n events of a piece at the first state.
@@ -97,13 +97,13 @@ def matched_distances(here: Events, there: Events, missing: Array | None = None)
 def fractions_to_borders(
     low: Events, high: Events, weights: tuple[float, float] = (1.0, 1.0)
 ) -> Array:
-    """Return the fractions of the way between two states at which events vanish. Not collective.
+    """Return the fractions of a segment between two states at which events vanish. Not collective.
 
     The distances are assumed to be linear.
 
     Args:
         low: events of a piece at a state inside it.
-        high: events of the same piece at another state, n of them.
+        high: the n events of the same piece at another state.
         weights: factors of the distances at the two states.
 
     Returns:
@@ -122,8 +122,9 @@ def fractions_to_borders(
 class System:
     """Base class of systems H(x, gamma) = 0 in PETSc. Every method is collective.
 
-    ``piece=None`` means H itself, with the statuses determined by (x, gamma). A system keeps no
-    state between two calls, except `matrix`, which `jacobian` assembles. A smooth system defines
+    H is piecewise smooth. The argument ``piece`` fixes the statuses and thus selects a smooth piece
+    of H; ``piece=None`` means H itself, with the statuses determined by (x, gamma). A system keeps
+    no state between two calls, except `matrix`, which `jacobian` assembles. A smooth system defines
     `comm`, `matrix`, `create_vector`, `residual`, `jacobian`, `parameter_derivative`, `metric` and
     `probe`.
     """
@@ -184,7 +185,7 @@ class System:
         raise NotImplementedError
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Write M x into ``out``; M, symmetric and semi-definite, defines lengths of x."""
+        """Write M x into ``out``; the symmetric semi-definite metric M defines lengths of x."""
         raise NotImplementedError
 
     def probe(self, seed: int) -> PETSc.Vec:
@@ -299,7 +300,7 @@ class System:
         Args:
             condensed: condensation onto the points at the apex of the cone.
             cone: tangent cone.
-            known: statuses, shape (m,), and dgamma of the rays that have been computed.
+            known: statuses, shape (m,), and dgamma of each ray that has been computed.
         """
         return None
 
@@ -362,7 +363,7 @@ class System:
 
 
 class Preconditioner(Protocol):
-    """Linear approximate inverse P^-1 of `System.matrix`, updated by `System.jacobian`."""
+    """Approximate inverse P^-1 of `System.matrix`, a linear map updated by `System.jacobian`."""
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Write P^-1 r into ``z``. Collective."""
@@ -370,15 +371,15 @@ class Preconditioner(Protocol):
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Write the unknowns that P^-1 determines exactly into ``z``, and 0 elsewhere. Collective.
 
-        If r vanishes in the corresponding rows, P^-1 needs no solve for them before its multigrid
-        cycle.
+        If the residual r vanishes in the corresponding rows, P^-1 skips the solve for these
+        unknowns before its multigrid cycle.
         """
 
     def determinant_sign(self) -> float:
         """Return the sign of det P up to a constant factor. Collective."""
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record the iterations of a solve and the decimal digits gained. Collective."""
+        """Record the iterations of a solve and the decimal digits of its reduction. Collective."""
 
 
 class Condensed(Protocol):
@@ -394,7 +395,7 @@ class Condensed(Protocol):
 
     @property
     def guided(self) -> bool:
-        """Whether the statuses of points with partly prescribed motion differ from H."""
+        """Whether points with partly prescribed motion have other statuses than in H."""
 
     def require_finite(self) -> None:
         """Raise ``ValueError`` if a number is not finite."""
@@ -406,7 +407,7 @@ class Condensed(Protocol):
         """Return the piece with the given statuses."""
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank owning point ``i``, and its local number there."""
+        """Return the rank that owns point ``i``, and the local number of the point there."""
 
     @property
     def always_solvable(self) -> bool:
@@ -435,7 +436,7 @@ class FoundState(Protocol):
 
 
 class ProvedSearch(Protocol):
-    """Result of a search that may prove that it has found everything."""
+    """Result of a search that may prove its completeness."""
 
     @property
     def verdict(self) -> str:
@@ -459,4 +460,4 @@ class RayProof(ProvedSearch, Protocol):
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:
-        """Statuses, shape (m,), and dgamma, 1 or -1, of the rays whose existence is proved."""
+        """Rays whose existence is proved: their statuses, shape (m,), and dgamma, 1 or -1."""

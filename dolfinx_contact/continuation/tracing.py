@@ -156,7 +156,7 @@ class Tracer(ABC):
         return changing or [p for p, rate in rates if abs(rate) <= least]
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
-        """Return the largest difference between the unknowns at a point and a state ``x``."""
+        """Return the largest difference of an unknown between a point and a state ``x``."""
         return self.bordered.largest(point.y.array_r[: x.getLocalSize()] - x.array_r)
 
     @abstractmethod
@@ -185,11 +185,11 @@ class Tracer(ABC):
     def _trace(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
-        """Trace a branch, yielding its points. Record the ending of the branch where it ends.
+        """Trace a branch, yielding its points. Record the ending of the branch.
 
         Args:
             branch: branch containing its start.
-            origin: first point of the whole branch, at which a closed branch ends.
+            origin: first point of the branch, to which a closed branch returns.
             gamma_range: range of gamma.
         """
 
@@ -349,7 +349,7 @@ def _with_folds(branch: Branch) -> list[BranchPoint]:
 def _add(
     branch: Branch, point: BranchPoint, special: Sequence[SpecialPoint], *, to_node: bool
 ) -> list[SpecialPoint]:
-    """Add a point to a branch; return the special points before it with their index.
+    """Add a point to a branch; return the special points before it with `index` set.
 
     Args:
         branch: branch up to the previous point.
@@ -377,7 +377,7 @@ def _show(progress: Progress, step: BranchStep, number: int, scale: float) -> No
         progress: progress line.
         step: accepted step.
         number: number of special points so far.
-        scale: unit of gamma, whose round-off is shown as 0.
+        scale: unit of gamma; values of the size of its round-off are shown as 0.
     """
     if not progress.due:
         return

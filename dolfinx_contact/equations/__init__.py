@@ -7,10 +7,10 @@ In the order in which a static solve needs them:
 - `contact`: H, as a sum of terms; it combines all that follows.
 - `constraints`: Dirichlet data, removed multipliers, growing loads.
 - `scaling`: typical stiffness, augmentation r, motions that only contact holds.
-- `evaluation`: values found by one evaluation of H, and the terms of the surfaces.
-- `validation`, with `data`: arguments of a problem, and data before a solve.
+- `evaluation`: values computed by one evaluation of H, and the terms of the surfaces.
+- `validation`, with `data`: checks of the arguments of a problem, and of the data before a solve.
 - `touching`: start of a solve without contact.
-- `measures`: relative residuals, and states that are not physical.
+- `measures`: relative residuals, and detection of unphysical states.
 - `jacobian`: derivative of H; `sliding`: its terms for faces sliding over each other.
 
 Other uses: `parametric` with `rates` is H(x, gamma) for the continuation, and `state` is the frozen

@@ -49,7 +49,7 @@ class Ramp:
         u: displacement at all local dofs at the start.
         q: unknowns of the rigid bodies at the start.
         unknowns: all owned unknowns at the start, in the units of the PETSc vectors.
-        rows: rows of H at the start with s = 0; empty until they are known.
+        rows: rows of H at the start with s = 0; empty before their first evaluation.
         fraction: applied fraction s of the load.
     """
 
@@ -65,14 +65,16 @@ class SurfaceConstraints:
     """Components of the jump and of the multipliers of one surface that Dirichlet data fix.
 
     Attributes:
-        held: mask of the fixed components of the jump, shape (local nodes, dim): neither the node
-            nor its opposing point moves, or they are one node.
-        fixed_jumps: mask of the components of the jump that the multipliers weight and Dirichlet
-            data fix, shape (local multiplier nodes, dim); with quadratic displacement and linear
-            multipliers the jump is a mean over the facets of a vertex.
+        held: mask of the fixed components of the jump, shape (local nodes, dim). A component is
+            fixed if neither the node nor its opposing point can move along it, or if both are one
+            node.
+        fixed_jumps: mask of the components of the weighted jump that Dirichlet data fix, shape
+            (local multiplier nodes, dim). The weighted jump is the jump that works on a multiplier;
+            with quadratic displacement and linear multipliers it is a mean over the facets of a
+            vertex.
         removed: mask of the removed multiplier components, shape (local multiplier nodes, dim).
         owned: number of owned multiplier nodes.
-        normals: normals at the local vertices, which decided on the removed components.
+        normals: normals at the local vertices from which the removed components were determined.
     """
 
     held: Mask
@@ -103,10 +105,10 @@ class Constraints:
 
     Attributes:
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
-        surfaces: fixed components of the jumps and multipliers, surface by surface.
-        ramp: growing load, of which a fraction is prescribed; None: the data of the user.
-        to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
-            them in time integration; None: they are equal.
+        surfaces: for each surface, the fixed components of jumps and multipliers.
+        ramp: growing load, of which a fraction is applied; None if the full data of the user apply.
+        to_unknowns: map from prescribed displacements to the unknowns of a time step; None if the
+            unknowns are the displacements.
 
     Raises:
         ValueError: on every rank, if every node of a surface is clamped, or a component that is
@@ -144,7 +146,7 @@ class Constraints:
     # -- values ----------------------------------------------------------------------------------
 
     def values(self, fill: float = np.nan) -> Array:
-        """Return Dirichlet values at the local nodes, shape (n, dim), ``fill`` at free dofs."""
+        """Return Dirichlet values at the local nodes, ``fill`` at free dofs, shape (n, dim)."""
         f = self._read
         f.x.array[:] = fill
         for bc in self._bcs:
@@ -154,7 +156,7 @@ class Constraints:
 
     @property
     def load(self) -> float:
-        """Applied fraction of the load."""
+        """Applied fraction of the load, 1 without a ramp."""
         return 1.0 if self.ramp is None else self.ramp.fraction
 
     def read_data(self) -> None:
@@ -259,11 +261,13 @@ def _held(s: DiscreteSurface, fixed: Mask) -> Mask:
 def _objection_to_values(
     s: DiscreteSurface, constraints: SurfaceConstraints, prescribed: Array, size: float
 ) -> str:
-    """Return the objection to Dirichlet values at the nodes of a surface, or "". Collective.
+    """Return an error message about Dirichlet values at the nodes of a surface. Collective.
+
+    "" if the values are admissible.
 
     Args:
         s: contact surface.
-        constraints: its fixed components.
+        constraints: fixed components of the surface.
         prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (n, dim).
         size: size of the body, a length.
     """
@@ -304,7 +308,7 @@ def _objection_to_values(
 
 
 def _why_none_is_left(s: DiscreteSurface) -> str:
-    """Return the reason why no contact node of a surface may carry contact. Not collective."""
+    """Return the reason why no node of a surface can carry contact. Not collective."""
     opposite = s.obstacle.opposite
     if opposite is None or not opposite.none.any():
         return f"{s.name}: Dirichlet data clamp every contact node"
@@ -317,8 +321,8 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
 def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> None:
     """Raise ``ValueError`` if more nodes have multipliers than can move. Collective.
 
-    A face one facet wide between clamped edges has more vertices than free nodes. Pressures would
-    not be unique.
+    A face that is one facet wide between clamped edges has more vertices than free nodes, so that
+    pressures would not be unique.
     """
     V = s.u.function_space
     on_face = SharedValues(V.dofmap.index_map).marked(facet_closures(V, s.submesh.parent_facets))
@@ -337,7 +341,7 @@ def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
 
     Args:
         s: contact surface.
-        fixed: mask of the fixed components of the weighted jump.
+        fixed: mask of the fixed components of the weighted jump (`SurfaceConstraints.fixed_jumps`).
 
     Returns:
         Mask, shape (local multiplier nodes, dim).
@@ -402,7 +406,7 @@ def _nodes(s: DiscreteSurface) -> Ints:
 
 
 def _node_normals(s: DiscreteSurface) -> Array:
-    """Return the normals at the local multiplier nodes, given the normals at the vertices."""
+    """Return the normals at the local multiplier nodes, interpolated from the vertices."""
     if s.degrees[1] == 1:
         return s.points.vertex_normals.copy()
     normals = fem.Function(s.points.Q)
@@ -415,7 +419,12 @@ def _node_normals(s: DiscreteSurface) -> Array:
 
 
 def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
-    """Return the multiplier components whose whole support has fixed displacements."""
+    """Return the mask of the multiplier components on whose whole support displacements are fixed.
+
+    Args:
+        s: contact surface.
+        fixed: mask of the fixed displacement components, shape (local nodes, dim).
+    """
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])
     any_free = (~fixed)[closures].any(axis=1).astype(float)

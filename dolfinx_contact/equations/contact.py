@@ -82,7 +82,8 @@ class ContactEquations:
 
     Attributes:
         unknowns: layout of the unknowns in PETSc vectors.
-        owned_sizes: numbers of owned unknowns: displacement, surface by surface, rigid bodies.
+        owned_sizes: numbers of owned unknowns by field: displacement, multipliers of each surface,
+            rigid bodies.
         terms: terms of the contact surfaces.
         rigid: rigid bodies that surfaces touch.
         constraints: displacement and multiplier components that Dirichlet data fix, and prescribed
@@ -220,9 +221,10 @@ class ContactEquations:
 
         Args:
             evaluation: evaluation with these statuses.
-            body: rates of the rows of the body at fixed unknowns, owned.
-            answers: rates of the answers at fixed unknowns, shape (n, dim), surface by surface;
-                None for surfaces whose law does not depend on the parameter.
+            body: rates of the owned rows of the body at fixed unknowns.
+            answers: for each surface, rates of the answers of the law (`SurfaceEvaluation`) at
+                fixed unknowns, shape (n, dim); None for surfaces whose law does not depend on the
+                parameter.
             dirichlet: rates of the Dirichlet values at all local dofs, 0 at free ones.
             loads: rates of the loads on the rigid bodies, 0 where their motion is prescribed.
             motions: rates of the prescribed motions, 0 where they are free.
@@ -236,7 +238,15 @@ class ContactEquations:
     def _add_rate(
         self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows, *, body: bool
     ) -> None:
-        """Add the derivative of the terms along a motion to rows, that of the body if ``body``."""
+        """Add to rows the derivative of the surface terms along a motion.
+
+        Args:
+            evaluation: evaluation with the tractions and statuses.
+            du: increment of the displacement at all local dofs.
+            dq: increment of the unknowns of the rigid bodies.
+            rows: rows that are changed.
+            body: whether to add the derivative of the bulk term as well.
+        """
         if not any_rank(self.comm, du.any() or dq.any()):
             return
         if body:
@@ -266,7 +276,7 @@ class ContactEquations:
         """Return the rows of the multipliers from the residuals of the tractions at the points.
 
         Args:
-            laws: residuals, shape (n, dim), surface by surface.
+            laws: residuals at the points of each surface, shape (n, dim).
             x: unknowns for the rows of removed multipliers; None: 0 in these rows.
         """
         owned: Sequence[Array | float] = [0.0] * len(laws)
@@ -278,7 +288,7 @@ class ContactEquations:
         ]
 
     def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
-        """Return rows of H minus the part 1 - s of those at the start of a growing load."""
+        """Return rows of H minus 1 - s times the rows at the start of a growing load."""
         ramp = self.constraints.ramp
         if ramp is None or not ramp.rows:
             return rows

@@ -87,7 +87,12 @@ def data_within(expressions: Sequence[Any]) -> list[Datum]:
 
 
 def data_in(e: Any, place: str) -> Iterator[Datum]:
-    """Return Functions, then Constants, of a UFL form or expression described by ``place``."""
+    """Return the Functions, then the Constants, in a UFL form or expression.
+
+    Args:
+        e: form or expression.
+        place: description of the form or expression, for messages.
+    """
     is_form = isinstance(e, ufl.Form)
     functions = e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e)
     return _placed(place, functions, extract_constants(e), e)

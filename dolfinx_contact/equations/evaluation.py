@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The values found by one evaluation of H, and the terms of contact surfaces that find them.
+r"""Evaluations of H, and the terms of contact surfaces.
 
 Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; tau is the
 traction required by the law. B maps displacements to jumps (`points.jump_operators`). A surface
@@ -11,7 +11,7 @@ If it touches a rigid body with the unknowns q (`unknowns`), it also adds
 
     H_q += Phi^T B^T W t,
 
-where column k of Phi is the motion of the nodes for a unit of the unknown k.
+where column k of Phi contains the displacements of the nodes for q_k = 1.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class SurfaceEvaluation:
             dtau = rate + p (e . rate) / (1 - e . p),    p = dtau/dt e.
 
         Args:
-            rate: derivative at constant T, shape (n, dim, ...).
+            rate: derivative of the answer at constant T, shape (n, dim, ...).
         """
         e = self.driven
         if e is None:
@@ -135,7 +135,7 @@ class SurfaceEvaluation:
 
     @cached_property
     def by_normal(self) -> Array:
-        """Derivatives of the answer with respect to the normal, if the jump turns with it.
+        """Derivatives of the answer with respect to the normal for a jump that turns with it.
 
         Shape (n, dim, dim). Laws are objective, tau(R j, R t; R n) = R tau. Hence for the rotation
         vector w = n x dn of a change dn of the normal
@@ -168,7 +168,11 @@ class SurfaceEvaluation:
         return self.answers.spreading.by_jump, self.answers.spreading.by_traction
 
     def along(self, step: Array) -> Array:
-        """Derivative of the answer along a step of the jumps, shape (n, dim). Collective."""
+        """Return the derivative of the answer along a change of the jumps. Collective.
+
+        Args:
+            step: change of the jumps, shape (n, dim).
+        """
         rate = np.einsum("nij,nj->ni", self.by_jump, step)
         if self.answers.spreading is not None:
             around = self.answers.spreading.average(np.sum(self.spread_by[0] * step, axis=1))
@@ -176,7 +180,14 @@ class SurfaceEvaluation:
         return rate
 
     def change(self, v: Array) -> Array:
-        """Derivative of -`off` along a displacement v, shape (nodes, dim). Collective."""
+        """Return the derivative of -`off` along a displacement at fixed tractions. Collective.
+
+        Args:
+            v: displacement of the owned nodes, shape (nodes, dim).
+
+        Returns:
+            Derivative at the points, shape (n, dim).
+        """
         operator = self.kinematics.operator
         rate = self.along(operator.rate(v))
         turned = operator.normal_rate(v)
@@ -194,11 +205,12 @@ class Evaluation:
         u: displacement at all local dofs, including ghosts, a length.
         q: unknowns of the rigid bodies, on every rank (`RigidBodies`).
         surfaces: evaluations of the contact surfaces.
-        rows: owned rows of H: displacement, surface by surface, rigid bodies; including Dirichlet
-            rows and rows of removed multipliers.
+        rows: owned rows of H by field: displacement, multipliers of each surface, rigid bodies;
+            including Dirichlet rows and rows of removed multipliers.
         reactions: owned rows of the displacement before Dirichlet rows are inserted, i.e. support
             forces on Dirichlet dofs.
-        pushes: contact forces on the rigid bodies, in the units of their rows, on every rank.
+        pushes: contact forces and moments on the rigid bodies in the units of their rows, equal on
+            every rank.
     """
 
     unknowns: Array
@@ -216,7 +228,7 @@ class Evaluation:
 
 
 def differs(a: Statuses, b: Statuses) -> list[Mask]:
-    """Return masks of the points whose statuses differ, surface by surface."""
+    """Return for each surface the mask of the points whose statuses differ."""
     return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]
 
 
@@ -226,7 +238,10 @@ def _friction_slope(answers: Answers, statuses: Codes, e: Array) -> Array:
 
 
 def _turning(n: Array, v: Array) -> Array:
-    """Return the matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
+    """Return the matrices of the maps from dn to (n x dn) x v, shape (points, dim, dim).
+
+    (n x dn) x v = dn (n.v) - n (dn.v) is the change of a vector v that turns with the normal n.
+    """
     along = np.sum(n * v, axis=1)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
@@ -240,7 +255,7 @@ class Rows:
 
     Attributes:
         body: owned rows of the displacement.
-        laws: residuals of the tractions at the points, shape (n, dim), surface by surface.
+        laws: residuals of the tractions at the points of each surface, shape (n, dim).
         pushed: contributions of this rank to the rows of the rigid bodies.
     """
 
@@ -255,8 +270,9 @@ class SurfaceTerm:
 
     Attributes:
         surface: contact surface.
-        number: number of the surface.
-        removed: mask of the owned multipliers that Dirichlet data remove (`constraints`), (k,).
+        number: index of the surface.
+        removed: mask of the owned multipliers removed because of Dirichlet data (`constraints`),
+            shape (k,).
         memory: memory of the points at the beginning of the step; None under the static law.
         strength: prescribed strength of the bonds (`Law.weakening`), shape (n,); None: the law
             determines it.
@@ -378,7 +394,7 @@ class SurfaceTerm:
         return s.kinematics(u.reshape(-1, s.dim), self.motion(q), self.memory)
 
     def gaps(self, evaluation: Evaluation) -> Array:
-        """Return gaps at the points as in the law, but pointwise also in the mixed method."""
+        """Return the gaps of the law at the points; in the mixed method without averaging."""
         s = self.surface
         if s.method != "mixed" or s.slides:
             return evaluation.surfaces[self.number].kinematics.gap
@@ -411,7 +427,7 @@ class SurfaceTerm:
         """Return displacements of nodes relative to the obstacle, shape (n, dim). Not collective.
 
         Args:
-            u: displacement at the first local dofs, shape (dim n,).
+            u: displacement at the first n local nodes, as a flat array, shape (dim n,).
             q: unknowns of the rigid bodies.
         """
         return u.reshape(-1, self.surface.dim)
@@ -430,7 +446,7 @@ class SurfaceTerm:
     # -- rows ------------------------------------------------------------------------------------
 
     def add_forces(self, evaluation: Evaluation, rows: Rows) -> Array:
-        """Subtract the contact forces at a state from rows, and return them."""
+        """Subtract the contact forces at a state from the rows; return the forces."""
         contact = evaluation.surfaces[self.number]
         forces = contact.kinematics.operator.transpose(contact.traction)
         rows.body -= forces
@@ -488,7 +504,7 @@ class RigidTerm(SurfaceTerm):
         return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
 
     def motions_at_points(self) -> Array:
-        """Return B Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
+        """Return B Phi: motion of each point per unknown of the rigid body, shape (n, dim, k)."""
         s = self.surface
         operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]
@@ -497,7 +513,7 @@ class RigidTerm(SurfaceTerm):
         return np.stack(fields, axis=2)
 
     def pushes(self, forces: Array, u: Array, q: Array) -> Array:
-        """Return this rank's part of Phi^T f, the forces on rigid bodies. Not collective.
+        """Return the contribution of this rank to Phi^T f, forces on rigid bodies. Not collective.
 
         On a curved obstacle in large sliding, moments are taken in the displaced position.
 

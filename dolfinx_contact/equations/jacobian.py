@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The Jacobian of H: the stiffness of the body, and contact terms that statuses change.
+r"""The Jacobian of H: the stiffness of the body, and contact terms that depend on statuses.
 
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
@@ -54,8 +54,8 @@ __all__ = ["ContactTerms", "Jacobian", "JacobianSolver"]
 class JacobianSolver:
     """Linear solver of a contact problem: its Jacobian and preconditioner. Methods are collective.
 
-    The problem owns the solver. A branch that is followed with it is another owner until it ends.
-    The last owner that releases the solver frees it.
+    The problem owns the solver. A branch traced with the solver is a second owner until the branch
+    ends. The solver is freed when its last owner releases it.
 
     Attributes:
         matrix: Jacobian, for SNES.
@@ -67,12 +67,12 @@ class JacobianSolver:
     _owners = 1
 
     def shared(self) -> Self:
-        """Return the solver for one more owner, who must `release` it."""
+        """Add an owner, who must `release` the solver, and return the solver."""
         self._owners += 1
         return self
 
     def release(self) -> None:
-        """End one ownership; the last owner frees the solver."""
+        """Remove an owner; free the solver if this was the last one."""
         self._owners -= 1
         if self._owners == 0:
             self.destroy()
@@ -82,7 +82,7 @@ class JacobianSolver:
 
     @property
     def preconditioner(self) -> Preconditioner | None:
-        """Preconditioner for systems containing the Jacobian; None if it must be factorised."""
+        """Preconditioner for systems containing the Jacobian; None if these must be factorised."""
         return None
 
     def update(self, evaluation: Evaluation) -> None:
@@ -105,13 +105,15 @@ class JacobianSolver:
 
 @dataclass(frozen=True)
 class _Dofs:
-    """Unknowns of one surface: their places among all unknowns, and the stencils that use them.
+    """Unknowns of one surface: their indices among all unknowns, and the stencils that use them.
 
     Attributes:
         operator: operator B, whose stencils are groups of points with common dofs.
-        unit: factor from unknowns to multipliers.
-        bodies: places of the displacements, -1 if fixed, shape (groups, k, dim).
-        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
+        unit: ratio of multipliers (tractions) to their unknowns.
+        bodies: indices of the displacements among all unknowns, -1 if fixed, shape (groups, k, dim)
+            for k nodes per group.
+        multipliers: indices of the multipliers among all unknowns, -1 if removed, shape
+            (groups, l, dim) for l multiplier nodes per group.
     """
 
     operator: ConstantOperator
@@ -127,14 +129,14 @@ class _Dofs:
 
 
 def _flat(*blocks: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Return rows and columns of blocks of entries, whose places are broadcast to one shape."""
+    """Broadcast row and column indices of blocks of entries and return them as flat arrays."""
     pairs = [np.broadcast_arrays(*block) for block in blocks]
     rows = np.concatenate([row.reshape(-1) for row, _ in pairs])
     return rows, np.concatenate([column.reshape(-1) for _, column in pairs])
 
 
 class _PointTerms:
-    """Entries of one surface in which every point is alone."""
+    """Entries of one surface that couple only the unknowns of single points."""
 
     def __init__(self, dofs: _Dofs):
         self._dofs = dofs
@@ -144,7 +146,7 @@ class _PointTerms:
         self._coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
 
     def entries(self) -> tuple[Ints, Ints]:
-        """Return rows and columns, in the order of `values`."""
+        """Return row and column indices of the entries, in the order of `values`."""
         u, m = self._dofs.bodies, self._dofs.multipliers
         force = u[:, :, None], m[:, None]
         jump = m[..., None, None], u[:, None, None]
@@ -180,8 +182,9 @@ class _RigidTerms:
 
     Args:
         dofs: unknowns of the surface.
-        motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
-        at_points: B Phi, motions of the points per unknown of the body, shape (n, dim, k).
+        motions: indices of the k unknowns of the rigid body among all unknowns, -1 if prescribed,
+            shape (k,).
+        at_points: B Phi, the motion of each point per unknown of the rigid body, shape (n, dim, k).
     """
 
     def __init__(self, dofs: _Dofs, motions: Ints, at_points: Array):
@@ -190,7 +193,7 @@ class _RigidTerms:
         self._at_points = at_points
 
     def entries(self) -> tuple[Ints, Ints]:
-        """Return rows and columns, in the order of `values`."""
+        """Return row and column indices of the entries, in the order of `values`."""
         m, q = self._dofs.multipliers[..., None], self._motions
         return _flat((q, m), (m, q))
 
@@ -208,8 +211,8 @@ class _RigidTerms:
 class _SpreadTerms:
     """Entries of one surface with a nonlocal law. All methods are collective.
 
-    They are a product of three matrices: left (multipliers, points), N, and right (points,
-    unknowns).
+    They are a product of three matrices: one from points to multipliers, N, and one from unknowns
+    to points.
 
     Args:
         dofs: unknowns of the surface.
@@ -234,11 +237,11 @@ class _SpreadTerms:
         self._rows, self._columns, _ = triplets(self._product)
 
     def entries(self) -> tuple[Ints, Ints]:
-        """Return rows and columns, in the order of `values`."""
+        """Return row and column indices of the entries, in the order of `values`."""
         return self._rows, self._columns
 
     def values(self, contact: SurfaceEvaluation) -> Array:
-        """Return the entries at an evaluation; zeros if a local law replaces the law."""
+        """Return the entries at an evaluation; zeros if it used a local law. Collective."""
         if contact.answers.spreading is None:
             return np.zeros(len(self._rows))
         stencils = self._dofs.operator.stencils
@@ -359,19 +362,22 @@ class _Numbering:
         self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return the indices of the dofs of global nodes, shape (*nodes.shape, dim). Collective."""
+        """Return the global indices of the unknowns at global nodes of a field. Collective.
+
+        Nodes of shape (...) give indices of shape (..., dim).
+        """
         return self.dof_places(field, self._dim * nodes[..., None] + np.arange(self._dim))
 
     def dof_places(self, field: int, dofs: Ints) -> Ints:
-        """Return the indices of global dofs. Collective."""
+        """Return the global indices of the unknowns at global dofs of a field. Collective."""
         owned = self._owned[field].astype(np.float64)
         return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
     def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
-        """Return the indices of columns of the stiffness, most of which are owned. Collective.
+        """Return the global indices of the columns of the stiffness. Collective.
 
         Args:
-            columns: global dofs.
+            columns: global dofs of the columns, most of them owned.
             owned: range of the owned dofs.
         """
         first, end = owned
@@ -421,7 +427,10 @@ class Jacobian:
         return matrix
 
     def update(self, evaluation: Evaluation) -> None:
-        """Assemble at an evaluation; for sliding faces `matrix` may be replaced. Collective."""
+        """Assemble the Jacobian at an evaluation. Collective.
+
+        For sliding faces, `matrix` may be a new object afterwards.
+        """
         bulk = self._equations.bulk
         K = bulk.stiffness(evaluation.u)
         if self._terms.changed:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Relative residuals of H in physical units, and states that are not physical.
+"""Relative residuals of the contact equations H = 0, and detection of unphysical states.
 
-Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
-and slips are compared with the largest displacement. If all contact points stick, displacements may
-be round-off; the length scale is then the displacement that a contact force would cause at its node
-if all other nodes were held (`held_back`). Thus the test is independent of the user's units, and a
-small contact row cannot hide behind a large force row.
+Residuals that are forces are divided by the largest nodal force (reactions, contact forces, first
+residual), gaps and slips by the largest displacement. If all contact points stick, displacements
+may be round-off; the length scale is then the displacement that a contact force would cause at its
+node if all other nodes were held (`held_back`). Thus the test is independent of the user's units,
+and a small contact row cannot hide behind a large force row.
 
-All maxima are NaN if one of their values is NaN.
+A maximum is NaN if one of its values is NaN.
 
-States that satisfy the equations but are not physical are described by `diverged`, `inverted`,
+Unphysical states that nevertheless satisfy the equations are detected by `diverged`, `inverted`,
 `held_across` and `without_normal`.
 """
 
@@ -68,7 +68,7 @@ _TURNED = (
 
 @dataclass(frozen=True)
 class Measures:
-    """Relative residuals, each a largest entry over all ranks.
+    """Relative residuals, each the largest entry over all ranks.
 
     Attributes:
         force: residual of the equilibrium of free nodes and rigid bodies, over the force scale.
@@ -89,7 +89,7 @@ class Measures:
 
 
 class Scales(NamedTuple):
-    """Scales of the residual; those of a solve or of a branch only grow.
+    """Scales of the residual, which never decrease during a solve or along a branch.
 
     Attributes:
         force: largest nodal force so far.
@@ -101,7 +101,7 @@ class Scales(NamedTuple):
 
 
 def least_scales(equations: ContactEquations, length: float) -> Scales:
-    """Smallest scales of a state, (0, 0) if its displacements are significant.
+    """Return lower bounds of the scales; 0 and 0 if displacements exceed round-off.
 
     Displacements up to 1e-12 of the body size count as zero, and so do the nodal forces that cause
     them.
@@ -117,9 +117,9 @@ def least_scales(equations: ContactEquations, length: float) -> Scales:
 def round_off_force(equations: ContactEquations, displacement: float) -> float:
     """Return the nodal force that counts as round-off at a displacement of this size.
 
-    If a body moves without resistance, all forces are the round-off of stiffness times motion, and
-    no other scale is available. Stresses of a nonlinear body are differences of moduli, so their
-    round-off is 1e-15 of the moduli even without load.
+    If a body moves without resistance, all forces are round-off of stiffness times motion, and no
+    other force scale is available. Stresses of a nonlinear body are differences of terms as large
+    as its moduli, so their round-off is 1e-15 of the moduli even without load.
     """
     strain = 0.0 if equations.bulk.linear else 1e-5 * equations.body_size
     return equations.scaling.stiffness * max(1e-4 * displacement, strain)
@@ -138,8 +138,8 @@ def measure(
         eq: contact problem.
         evaluation: evaluation with the rows of H.
         scales: force and length scales of earlier states; default: none.
-        settled: whether the state should be a solution, so that the scales are bounded from below
-            (`least_scales`); default: False.
+        settled: whether the state is expected to be a solution; the scales are then bounded from
+            below by `least_scales`. Default: False.
     """
     assert evaluation.reactions is not None
     stiffness = eq.scaling.stiffness
@@ -175,8 +175,8 @@ def measure(
 def require_solution(problem: Any, hint: str = "") -> None:
     """Raise ``ValueError`` unless the state in the Functions solves the current problem.
 
-    Collective. The statuses are determined from the unknowns. Stored statuses would not reveal that
-    the friction coefficient has changed.
+    Collective. The statuses are determined from the unknowns, because stored statuses would not
+    reveal a change of the friction coefficient.
 
     Args:
         problem: contact problem, or problem of a step.
@@ -201,7 +201,9 @@ def require_solution(problem: Any, hint: str = "") -> None:
 
 
 def held_back(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness: Array) -> float:
-    """Largest displacement of a node of this rank if the contact force moved only this node.
+    """Return the largest displacement that contact forces would cause, each at its own node.
+
+    All other nodes are held. Only nodes of this rank are considered.
 
     Args:
         s: contact surface.
@@ -228,8 +230,8 @@ def _of_surface(
     shear of a slipping one); in the integral method every row counts as both.
 
     Returns:
-        Largest length in the rows, largest force in the rows, largest nodal contact force, and the
-        largest displacement that it would cause or that removes a penetration in the mesh.
+        Largest length and largest force in the rows; largest nodal contact force; and largest
+        displacement that a nodal contact force would cause or that removes an initial penetration.
     """
     points = s.points
     moved = float(
@@ -261,7 +263,7 @@ def _of_surface(
 
 
 def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
-    """Return the largest magnitude in the arrays of each group, 0 if they are empty."""
+    """Return for each group of arrays the largest absolute entry, 0 if all are empty."""
     return [float(np.max([np.abs(v).max(initial=0.0) for v in group])) for group in groups]
 
 
@@ -269,9 +271,9 @@ def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
 
 
 def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message about a motion beyond any equilibrium; "" if there is none. Collective.
+    """Return a message if a body slides away without equilibrium; otherwise "". Collective.
 
-    Where loads have no equilibrium a body slides away, and residuals relative to the nodal forces
+    If the loads have no equilibrium, a body slides away, and residuals relative to the nodal forces
     of such displacements are meaningless.
     """
     parts = eq.unknowns.blocks(x)
@@ -303,7 +305,7 @@ def held_across(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return a message about a touching point held along its normal; "" if none is. Collective.
 
     With friction on a curved obstacle, a node held in one direction has no multiplier component in
-    that direction, which must remain tangential.
+    that direction, and the direction must remain tangential to the obstacle.
     """
     parts = zip(eq.constraints.surfaces, eq.surfaces, evaluation.surfaces, strict=True)
     for constraints, s, contact in parts:

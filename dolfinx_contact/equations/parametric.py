@@ -68,8 +68,9 @@ class ParametricEquations(System):
             gamma and the position.
 
     Attributes:
-        clamped: flags of the owned points that Dirichlet data clamp; they have no status.
-        not_affine: part of the loads and motions that is not affine in gamma; "" if all are affine.
+        clamped: mask of the owned points that Dirichlet data clamp; they have no status.
+        not_affine: description of the loads and motions that are not affine in gamma; "" if all are
+            affine.
         is_linear: whether the body is linear in u with a stiffness that does not depend on gamma,
             and loads and motions are affine in gamma.
     """
@@ -167,7 +168,7 @@ class ParametricEquations(System):
         return checksum(self._data)
 
     def _set(self, gamma: float) -> None:
-        """Set gamma in forms and Dirichlet data. Collective."""
+        """Set gamma in the forms and Dirichlet data. Collective."""
         self.constant.value = gamma
         if self._driven_at == gamma:
             return
@@ -236,7 +237,7 @@ class ParametricEquations(System):
 
     @property
     def _held_laws(self) -> bool:
-        """Whether neither obstacles nor laws depend on gamma."""
+        """Whether obstacles and laws are independent of gamma."""
         return not any(rates.applies for rates in self._rates)
 
     # -- System ----------------------------------------------------------------------------------
@@ -403,16 +404,16 @@ class ParametricEquations(System):
     # -- pieces ----------------------------------------------------------------------------------
 
     def parts(self) -> Iterator[tuple[DiscreteSurface, int, int]]:
-        """Surfaces with the range of their points among the points of this rank."""
+        """Return each surface with the range of its points among the points of this rank."""
         ends = self._offsets[1:]
         return zip(self.equations.surfaces, self._offsets[:-1], ends, strict=True)
 
     def statuses_of(self, piece: Piece | None) -> Statuses | None:
-        """Return the statuses of a piece by surface."""
+        """Return the statuses in a piece, one array per surface."""
         return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
 
     def piece(self, statuses: Statuses) -> Piece:
-        """Return the piece with statuses by surface; clamped points count as open."""
+        """Return the piece with given statuses of each surface; clamped points are set to open."""
         codes = np.concatenate(statuses)
         return Piece(np.where(self.clamped, OPEN, codes).astype(np.int8))
 
@@ -423,7 +424,7 @@ class ParametricEquations(System):
 
     @property
     def _ids(self) -> Ints:
-        """Keys that also distinguish points with equal coordinates, shape (n, k)."""
+        """Keys of k integers that also distinguish points with equal coordinates, shape (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)

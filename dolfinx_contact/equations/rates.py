@@ -69,12 +69,16 @@ class Rate:
         return None if rate.empty() else compiled_form(rate)
 
     def constants_of(self, e: Any) -> list[fem.Constant]:
-        """Return the Constants in the derivative of a form or an expression."""
+        """Return the Constants in the derivative of a form or expression with respect to gamma."""
         present = depends_on(self.gamma, e)
         return list(extract_constants(derivative(_as_ufl(e), self.gamma))) if present else []
 
     def not_affine(self, e: Any) -> str:
-        """Describe the part of a form or expression that is not affine in gamma; "" if none."""
+        """Return a description of the part that is not affine in gamma; "" if all is affine.
+
+        Args:
+            e: UFL form or expression.
+        """
         return not_affine(_as_ufl(e), self.gamma)
 
 
@@ -87,9 +91,9 @@ class Driven:
         rate: differentiation with respect to gamma.
 
     Attributes:
-        function: Function as given.
+        function: Function whose values are set.
         expression: expression in UFL.
-        not_affine: part that is not affine in gamma; "" if there is none.
+        not_affine: description of the part that is not affine in gamma; "" if all is affine.
     """
 
     def __init__(self, function: fem.Function, expression: Any, rate: Rate):
@@ -146,7 +150,9 @@ class SurfaceRates:
             self._evaluate = s.points.evaluator({**rates.at_points, **seen})
 
     def __call__(self, contact: SurfaceEvaluation) -> Array | None:
-        """Return the derivative at fixed unknowns, shape (n, dim); None if it vanishes. Collective.
+        """Return the derivative of the answer at fixed unknowns, shape (n, dim). Collective.
+
+        None if it vanishes.
 
         Args:
             contact: evaluation of the surface.
@@ -184,7 +190,7 @@ class RigidRates:
 
     Attributes:
         applies: whether anything depends on gamma.
-        not_affine: part that is not affine in gamma; "" if there is none.
+        not_affine: description of the part that is not affine in gamma; "" if all is affine.
     """
 
     def __init__(self, bodies: RigidBodies, rate: Rate):
@@ -195,7 +201,7 @@ class RigidRates:
         self.not_affine = next(filter(None, map(rate.not_affine, expressions)), "")
 
     def __call__(self) -> tuple[Array, Array]:
-        """Return the derivatives of loads and of prescribed motions."""
+        """Return the derivatives of the loads and of the prescribed motions, one array each."""
         values = np.array([number(e) for e in self._rates])
         fixed, units = self._bodies.fixed, self._bodies.units
         return np.where(fixed, 0.0, values / units), np.where(fixed, values * units, 0.0)

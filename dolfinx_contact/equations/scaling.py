@@ -57,7 +57,7 @@ class Scaling:
 
     Attributes:
         stiffness: mean diagonal entry of the stiffness, factor of the Dirichlet rows.
-        softness: softness of the part of the body that yields least (`Parts.softness`).
+        softness: smallest softness of a connected part of the body (`Parts.softness`).
         automatic_r: automatic r at the local vertices of each surface.
         at_vertices: stiffness per area of the nodes at the local vertices of each surface.
         parts: connected parts of the body.
@@ -92,8 +92,8 @@ class Scaling:
     def follow(self, u: Array) -> bool:
         """Update the scales if data of the stiffness have changed.
 
-        A problem thus has the scales of its present data. A nonlinear body is measured at ``u``,
-        given at all local dofs.
+        The scales thus correspond to the present data. For a nonlinear body they are computed at
+        ``u``, the displacement at all local dofs.
 
         Returns:
             Whether the scales, and with them H, have changed.
@@ -140,16 +140,17 @@ class Scaling:
 
         The automatic r is close to Young's modulus divided by the size of the touching part of the
         body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
-        small r, a point slipping in the wrong direction sticks next; with a large one (such as the
-        nodal stiffness) it slips in the other direction, and Newton's method cycles. The diagonal
-        of a nearly incompressible body reflects its resistance to compression, by which it hardly
-        yields in contact. Beyond Poisson's ratio 0.4, r therefore decreases with the square root of
-        the softness, between the two stiffnesses. At 0.499 full steps then converge that cycled
-        otherwise (measured). Sliding faces need an r close to the stiffness of a node.
+        small r, a point slipping in the wrong direction sticks in the next iterate; with a large r
+        (such as the nodal stiffness) it slips in the opposite direction, and Newton's method
+        cycles. For a nearly incompressible body the diagonal of the stiffness is dominated by the
+        bulk modulus, whereas contact mainly causes shear. Above a Poisson's ratio of 0.4, r
+        therefore decreases with the square root of the softness, to a value between the two
+        stiffnesses. At 0.499, full steps then converge that cycled otherwise (measured). Sliding
+        faces need an r close to the stiffness of a node.
 
         Args:
             K: stiffness.
-            soft: softness of the part of each local node.
+            soft: softness of the connected part to which each local node belongs.
 
         Raises:
             ValueError: if the stiffness is zero or not finite.
@@ -186,7 +187,7 @@ class Scaling:
     # -- loose motions ---------------------------------------------------------------------------
 
     def _jumps_at(self, term: SurfaceTerm) -> Array:
-        """Return the jumps that each free motion causes at the points (motions, n, dim)."""
+        """Return the jumps of each free motion at the points, shape (motions, n, dim)."""
         s = term.surface
         number = len(self.loose)
         jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
@@ -197,14 +198,15 @@ class Scaling:
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
     def not_held(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
-        """Return the names of the motions that these statuses do not hold; "" if there are none.
+        """Return the names of rigid motions that contact with these statuses does not prevent.
 
-        In 3D a slipping point resists motions across its shear, because the shear turns with them.
-        With creeping friction every closed point holds the body.
+        "" if there are none. In 3D a slipping point resists motions perpendicular to its shear,
+        because the shear turns with them. With creeping friction every closed point holds the body.
 
         Args:
             statuses: statuses of the points.
-            evaluation: evaluation with the shear; default: none, and only sticking points hold.
+            evaluation: evaluation with the shear; by default only sticking points hold
+                tangentially.
         """
         count = len(self.loose)
         free = np.flatnonzero(~self._bodies.fixed)
@@ -246,7 +248,7 @@ def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
 
 
 def _direction(traction: Array, n: Array) -> Array:
-    """Return unit vectors along the shear (n, dim), zero without shear."""
+    """Return unit vectors along the shear, 0 at points without shear, shape (n, dim)."""
     shear = traction - np.sum(traction * n, axis=1)[:, None] * n
     size = np.linalg.norm(shear, axis=1, keepdims=True)
     least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)

@@ -50,7 +50,10 @@ class Numbering(Protocol):
     """Numbering of the unknowns."""
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return indices (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
+        """Return the global indices of the unknowns at global nodes, shape (..., dim). Collective.
+
+        -1 for fixed dofs.
+        """
 
 
 class _Matrices(NamedTuple):
@@ -58,8 +61,8 @@ class _Matrices(NamedTuple):
 
     Attributes:
         S_u: derivatives of the rows of H with respect to u and l.
-        S_m: derivatives with respect to m.
-        D: derivative of m.
+        S_m: derivatives of the rows of H with respect to m.
+        D: derivative of m with respect to u.
         product: S_m D.
     """
 
@@ -155,13 +158,13 @@ class SlidingTerms:
     # -- parts -----------------------------------------------------------------------------------
 
     def _places(self, facet: Ints, nodes: Ints) -> dict[str, Ints]:
-        """Return the places of rows and columns by name, shape (pairs, nodes, dim) each.
+        """Return indices of rows and columns by name, shape (pairs, nodes, dim) each.
 
-        Those of the *own multiplier* and *own vector* belong to one contact point each.
+        Indices named *own multiplier* and *own vector* belong to one contact point each.
 
         Args:
             facet: slave facets of the pairs.
-            nodes: nodes of their masters.
+            nodes: global nodes of the master facet of each pair.
         """
         master = self._numbering.places(0, nodes)
         return {
@@ -174,7 +177,7 @@ class SlidingTerms:
         }
 
     def _matrix(self, rows: int, columns: int, blocks: Sequence[tuple[Ints, Ints]]) -> PETSc.Mat:
-        """Return a matrix of zeros that keeps the pattern of blocks of rows and columns."""
+        """Return a matrix of zeros with the pattern of given blocks of rows and columns."""
         A = PETSc.Mat().createAIJ(((rows, None), (columns, None)), comm=self._comm)
         A.setUp()
         for row, column in blocks:
@@ -186,7 +189,7 @@ class SlidingTerms:
     def _by_point(
         self, contact: SurfaceEvaluation, operator: SlidingOperator
     ) -> dict[_Names, Array]:
-        """Return the blocks of contact rows by the traction and the normal of their own node.
+        """Return derivatives of the contact rows by the traction and normal of their own node.
 
         Args:
             contact: evaluation of the surface.
@@ -205,12 +208,14 @@ class SlidingTerms:
     def _by_pair(
         self, contact: SurfaceEvaluation, operator: SlidingOperator, first: Ints
     ) -> dict[_Names, Array]:
-        """Return the other blocks; see `points.sliding_kinematics.Facing` for a, b and c.
+        """Return the remaining blocks, which couple the nodes of pairs of facets.
+
+        Their shapes use p, a, b and c of `points.sliding_kinematics.Facing`.
 
         Args:
             contact: evaluation of the surface.
             operator: B at this evaluation.
-            first: first piece of each pair of facets, over whose pieces sums are taken.
+            first: index of the first piece of each pair of facets; the pieces of a pair are summed.
         """
         facing, faces = operator.facing, self._faces
         n, nodal = operator.number, facing.nodal
@@ -265,9 +270,9 @@ def _add(A: PETSc.Mat, rows: Ints, columns: Ints, values: Array | None = None) -
 
     Args:
         A: matrix.
-        rows: places of the rows, shape (n, k, dim); negative ones are ignored.
-        columns: places of the columns, shape (n, l, dim); negative ones are ignored.
-        values: values, shape (n, k, dim, l, dim); default: 0.
+        rows: indices of the rows of n blocks, shape (n, k, dim); negative indices are ignored.
+        columns: indices of the columns, shape (n, l, dim); negative indices are ignored.
+        values: entries of the blocks, shape (n, k, dim, l, dim); default: 0.
     """
     n, k, dim = rows.shape
     shape = n, k * dim, columns.shape[1] * dim
@@ -288,15 +293,19 @@ def _first_of_pairs(facing: Facing) -> Ints:
 
 
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:
-    """Return derivatives of the contact rows of corners (p, a, dim, c, dim) at pieces.
+    """Return derivatives of contact rows of the slave corners, shape (p, a, dim, c + a, dim).
+
+    Here p counts the pieces, a the corners of a slave facet, q the quadrature points of a piece,
+    and c + a the vectors with respect to which the rows are differentiated: displacements of the c
+    corners of both facets, then the vectors m at the slave corners.
 
     Args:
-        facing: pieces.
-        by_gap: derivatives of the rows with respect to the gap of the node (p, a, dim).
-        by_slip: derivatives of the rows with respect to the slip of the node (p, a, dim, dim).
-        places: derivatives of the coordinates eta at which rays meet the master (p, q, dim - 1, c,
-            dim).
-        gaps: derivatives of the gaps of the rays (p, q, c, dim).
+        facing: opposing pieces of both faces.
+        by_gap: derivatives of the rows with respect to the nodal gap, shape (p, a, dim).
+        by_slip: derivatives of the rows with respect to the nodal slip, shape (p, a, dim, dim).
+        places: derivatives of the coordinates eta where the rays meet the master facet, shape
+            (p, q, dim - 1, c + a, dim).
+        gaps: derivatives of the gaps along the rays, shape (p, q, c + a, dim).
     """
     p, q, e, c, dim = places.shape
     a = by_gap.shape[1]
@@ -310,15 +319,16 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 
 
 def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
-    """Return the part of the derivatives of the forces on the master that is due to moving rays.
+    """Return derivatives of the forces on the master due to moving rays.
 
-    Shape (p, b, dim, c, dim).
+    Shape (p, b, dim, c + a, dim) with b corners of the master facet; for the other letters see
+    `_of_law`.
 
     Args:
-        facing: pieces.
-        tractions: tractions at the points times their areas (p, q, dim).
-        places: derivatives of the coordinates eta at which rays meet the master (p, q, dim - 1, c,
-            dim).
+        facing: opposing pieces of both faces.
+        tractions: tractions times areas at the quadrature points, shape (p, q, dim).
+        places: derivatives of the coordinates eta where the rays meet the master facet, shape
+            (p, q, dim - 1, c + a, dim).
     """
     p, q, e, c, dim = places.shape
     b = facing.rays.slopes.shape[2]

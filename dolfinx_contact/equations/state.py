@@ -27,8 +27,8 @@ class State:
         statuses: status codes of the contact points of each surface (`laws.status`).
         motions: displacement and rotation of each rigid body, lengths and radians.
         memory: memory of each surface for a step beginning in this state.
-        previous: memory of each surface at the beginning of the step that ended in this state;
-            None for each surface under the static law.
+        previous: memory of each surface at the beginning of the step that ended in this state; the
+            entries are None under the static law.
         time: time of the state in an evolution; None for other states.
         gamma: load parameter of a point on a branch; None for other states.
         velocity: local values of the velocity in dynamics; None for other states.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Start of a solve without contact: guessed statuses, and rigid bodies moved into contact.
 
-From a state without contact the first step would be free of contact, and a body held by contact
-alone would float.
+A Newton step from a state without contact would use the laws of open points, so that a body held
+only by contact would float.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
     """Return whether the present contact is insignificant compared with the load. Collective.
 
-    Faces that coincide have gaps of round-off, a few of which are negative. Without pressure these
-    few points do not indicate where the bodies will touch: in a first step held only by them, the
-    other points would pass through each other by the whole prescribed motion.
+    Coincident faces have gaps of the size of round-off, a few of which are negative. Without
+    pressure these few points do not indicate where the bodies will touch: if only they were closed
+    in the first step, the other points would penetrate by the whole prescribed motion.
 
     Args:
         eq: contact problem.
-        evaluation: evaluation of the start; a traction counts as the penetration that causes it by
-            the augmentation.
+        evaluation: evaluation of the start, in which a traction divided by the augmentation
+            parameter counts as a penetration.
     """
     nothing = True
     for contact, reach in zip(evaluation.surfaces, _reaches(eq, evaluation), strict=True):
@@ -55,11 +55,11 @@ def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
 
 
 def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
-    """Return statuses in which all points stick that the load may close. Collective.
+    """Return statuses in which all points that the load may close stick. Collective.
 
-    If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
-    to hold it, because the load presses it against them. The same holds for a loose body that
-    touches at a few points only, such as one that rests on a bump.
+    If a body could still move rigidly, its points with the smallest gaps stick as well, as many as
+    are needed to hold the body, because the load will close them. The same applies to a loose body
+    that touches at a few points only, for example on a bump.
 
     Args:
         eq: contact problem.
@@ -80,11 +80,11 @@ def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
 
 
 def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation) -> list[float]:
-    """Return for each surface the smallest gap of points that may hold a loose body. Collective.
+    """Return for each surface the smallest gap of its points, where it may hold a body. Collective.
 
-    A surface with a vertex that touches has the smallest gap of its points. Vertices may touch
-    although no Gauss point between them does. A surface on a rigid body that is free to move has
-    at least the smallest gap to this body. Other surfaces have minus infinity.
+    The value is the smallest gap at the contact points if some vertex touches; vertices may touch
+    although no Gauss point between them does. Otherwise it is minus infinity. On a rigid body that
+    is free to move, it is at least the smallest gap of all surfaces to this body.
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
@@ -105,7 +105,7 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
 
 
 def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
-    """Return gaps up to which points are expected to close, by surface. Collective.
+    """Return for each surface the gap up to which points are expected to close. Collective.
 
     A prescribed motion of a rigid body adds half the distance by which it approaches the points.
     """
@@ -120,7 +120,7 @@ def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
-    """Return statuses in which points with gaps up to a limit stick, by surface."""
+    """Return statuses in which points with gaps up to the limit of their surface stick."""
     statuses = []
     for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
         codes = s.law_at_points.codes
@@ -130,14 +130,14 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 
 def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq: Array) -> Array:
-    """Return the decrease of the gaps (n,) due to a motion dq of rigid bodies. Collective."""
+    """Return the decrease of gaps due to a motion of rigid bodies, shape (n,). Collective."""
     still = np.zeros(eq.owned_sizes[0])
     step = term.relative_rate(evaluation.u, evaluation.q, still, dq)
     return -evaluation.surfaces[term.number].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
-    """Translate rigid bodies without contact along their loads into contact. Collective.
+    """Translate rigid bodies that touch nothing along their loads into contact. Collective.
 
     Bodies without a load in a free direction, or without an obstacle ahead, do not move.
     """

@@ -2,8 +2,8 @@
 r"""Unknowns of a contact problem: their layout in PETSc vectors, and motions of rigid bodies.
 
 Unknowns of rigid bodies are displacements, and rotations times a length, the largest distance of a
-contact point from the reference point. All unknowns are thus lengths and all rows forces. Rank 0
-owns them, after its other unknowns.
+contact point from the reference point. Thus all unknowns are lengths, and all rows are forces. Rank
+0 owns the unknowns of rigid bodies; they follow its other unknowns.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ T = TypeVar("T", bound=np.generic)
 class Unknowns:
     """Layout of the unknowns in PETSc vectors.
 
-    The unknowns of a rank are its displacements, its multipliers surface by surface, divided by a
-    typical stiffness per area, and, on rank 0, the motions of rigid bodies (`evaluation`).
+    The unknowns of a rank are its displacements; the multipliers of each surface, divided by a
+    typical stiffness per area; and, on rank 0, the motions of rigid bodies (`RigidBodies`).
 
     Args:
         displacement: Function that receives displacements to update their ghosts.
-        multipliers: spaces of the multipliers, surface by surface.
+        multipliers: space of the multiplier of each surface.
         rigid: rigid bodies.
-        stiffness_per_area: units of the multipliers, surface by surface.
+        stiffness_per_area: typical stiffness per area of each surface, the unit of its multipliers.
 
     Attributes:
         sizes: numbers of owned unknowns: displacement, multipliers by surface, rigid bodies.
-        global_sizes: the same over all ranks.
+        global_sizes: the same numbers summed over all ranks.
         units: factors from the unknowns of the PETSc vectors to the user's units, one per field; 1
             for the rigid bodies, which have units of their own (`RigidBodies.units`).
     """
@@ -109,20 +109,21 @@ class RigidBodies:
     Args:
         V: space of the displacement.
         surfaces: discretisations of the contact surfaces.
-        body_size: size of the deformable bodies, a length for bodies without another one.
+        body_size: size of the deformable bodies, the length that scales rotations if no contact
+            point provides one.
 
     Attributes:
         bodies: rigid bodies, in the order of the surfaces.
-        slices: places of the unknowns of each body.
+        slices: index range of the unknowns of each body.
         size: number of unknowns.
         owned: number of unknowns on this rank.
         fixed: mask of the prescribed unknowns, shape (size,).
         units: ratios of unknowns to displacements and rotations, shape (size,).
         numbers: loads and motions prescribed by the user, as read by `read_data`, shape (size,).
-        loads: loads L among them, in the units of their rows, 0 where the motion is prescribed.
+        loads: loads L in the units of their rows, 0 where the motion is prescribed, shape (size,).
 
     Raises:
-        ValueError: on every rank, if two bodies have one name.
+        ValueError: on every rank, if two bodies have the same name.
     """
 
     def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[DiscreteSurface], body_size: float):
@@ -153,34 +154,41 @@ class RigidBodies:
 
     @property
     def given(self) -> Array:
-        """Unknowns of the present motions of the bodies."""
+        """Unknowns q that correspond to the present values of the rigid bodies."""
         return self.units * np.concatenate([np.zeros(0), *(b.values for b in self.bodies)])
 
     def show(self, q: Array) -> None:
-        """Copy unknowns into the motions of the bodies."""
+        """Write the unknowns q into the values of the rigid bodies."""
         for b, part in self.slices.items():
             b.values = (q / self.units)[part].copy()
 
     def everywhere(self, mine: Array) -> Array:
-        """Return the unknowns on every rank from the owned ones. Collective."""
+        """Broadcast the unknowns, which rank 0 owns, to every rank. Collective."""
         if not self.size:
             return np.zeros(0)
         return np.asarray(self.comm.bcast(np.array(mine) if self.owned else None))
 
     def here(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return the entries of this rank."""
+        """Return the entries owned by this rank: all on rank 0, none on other ranks."""
         return values[: self.owned]
 
     def of_body(self, q: Array, body: RigidBody) -> Array:
-        """Return displacement and rotation of a body."""
+        """Return displacement and rotation of a body from the unknowns q."""
         return np.asarray((q / self.units)[self.slices[body]])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
-        """Return force and moment on a body from rows."""
+        """Return force and moment on a body from the rows of the rigid bodies."""
         return np.asarray((rows * self.units)[self.slices[body]])
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
-        """Return forces conjugate to the unknowns from forces and moments in their rows."""
+        """Return forces conjugate to the unknowns q.
+
+        For rotations of any size, moments are transformed to the components of the rotation vector.
+
+        Args:
+            q: unknowns of the rigid bodies.
+            pushes: forces and moments on the bodies, in the units of the rows.
+        """
         forces = pushes.copy()
         for b, part in self.slices.items():
             if any(s.partner.turns and s.rigid_body is b for s in self.surfaces):
@@ -197,7 +205,11 @@ class RigidBodies:
         self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
 
     def names(self, motions: Array) -> str:
-        """Return the names of the components that take part in motions (k, size)."""
+        """Return the names of the components that take part in motions.
+
+        Args:
+            motions: k motions, shape (k, size).
+        """
         size = np.abs(motions).max(axis=0, initial=0.0)
         words = [
             f"{'translation' if len(c) == 1 else 'rotation about'} {c[-1]} of {b.name}"

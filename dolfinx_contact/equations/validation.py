@@ -5,8 +5,8 @@
 Constants are tested nowhere else, and the solvers trust them. `check_sides` warns of obstacles that
 are probably not where they were intended.
 
-Most tests are local and return an objection, a message that is empty if there is none. One
-collective call per test raises the objection of the lowest rank on every rank.
+Most tests are local and return an error message, which is empty if the test passes. One collective
+call per test raises the message of the lowest rank on every rank.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 def check(
     bulk: Any, u: fem.Function, surfaces: Any, bcs: Any
 ) -> tuple[list[Contact], list[fem.DirichletBC]]:
-    """Return surfaces and Dirichlet conditions as lists if the arguments of a problem fit together.
+    """Check the arguments of a problem; return surfaces and Dirichlet conditions as lists.
 
     Not collective.
 
     Raises:
-        ValueError: if they do not.
+        ValueError: if the arguments do not fit together.
     """
     for name, value in (("surfaces", surfaces), ("bcs", bcs)):
         if isinstance(value, Contact | fem.DirichletBC):
@@ -169,7 +169,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
 def validate_data(eq: ContactEquations) -> bool:
     """Raise ``ValueError`` if mesh, material, obstacles or laws are not admissible. Collective.
 
-    This is the part of `validate` that does not need a state, for questions about data.
+    These are the tests of `validate` that do not need a state.
 
     Returns:
         Whether the data of a surface have changed.
@@ -190,7 +190,7 @@ def check_moduli(eq: ContactEquations) -> None:
 
 
 def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
-    """Raise ``ValueError`` if gaps, normals or law of a surface are not valid now. Collective.
+    """Raise ``ValueError`` if present gaps, normals or law of a surface are invalid. Collective.
 
     Args:
         s: contact surface.
@@ -214,7 +214,7 @@ def check_obstacle(s: DiscreteSurface) -> None:
 
 
 def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
-    """Raise ``ValueError`` if the law of a surface is not valid with its fields. Collective.
+    """Raise ``ValueError`` if the law of a surface or its fields are invalid. Collective.
 
     Fields must be finite and have the sign that the law requires, the friction bound must not be
     negative, and the law must have all data that it needs with the given memory.
@@ -232,7 +232,7 @@ def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
 
 
 def _objection_to_fields(s: DiscreteSurface) -> str:
-    """Return the first objection to the values of the fields of a law. Not collective."""
+    """Return an error message about the fields of a law; "" if they are valid. Not collective."""
     fields = s.points.data.fields
     wrong = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
     for name, values in fields.items():
@@ -258,7 +258,7 @@ def check_times(eq: ContactEquations) -> None:
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return the objection to a law whose data are incomplete for a memory. Not collective.
+    """Return an error message about missing data of a law; "" if complete. Not collective.
 
     Missing data are listed by `Law.lacks`; a law that depends on time (`CompiledLaw.needs_time`)
     also requires the duration of a step.
@@ -288,7 +288,7 @@ def check_turn(s: DiscreteSurface, before: Array | None) -> None:
 
     Args:
         s: contact surface.
-        before: motion of its rigid body at the last accepted state; None: position of the mesh.
+        before: motion of the rigid body at the last accepted state; None for the initial position.
     """
     body = s.rigid_body
     if body is None or s.displaced is None or not s.displaced.friction:
@@ -308,9 +308,9 @@ def check_turn(s: DiscreteSurface, before: Array | None) -> None:
 
 
 def check_sides(eq: ContactEquations) -> None:
-    """Warn about obstacles on the wrong side of the undeformed body, or in other units. Collective.
+    """Warn about obstacles on the wrong side of the body or in other length units. Collective.
 
-    The solution is then wrong without any other sign.
+    Such a problem has a solution, but not the intended one. The undeformed body is tested.
     """
     for s in eq.surfaces:
         if not s.between_bodies:
@@ -322,8 +322,8 @@ def check_sides(eq: ContactEquations) -> None:
 def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
     """Return a message about an obstacle on the wrong side; "" if it is not. Collective.
 
-    At the contact point nearest to such an obstacle, the contact normal points against the outward
-    normal of the face and into the body.
+    At the contact point nearest to such an obstacle, the contact normal is opposite to the outward
+    normal of the face and points into the body.
     """
     gaps = np.abs(s.points.gaps)
     nearest = minimum(s.comm, gaps, np.inf)
@@ -351,7 +351,7 @@ def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message if the size of a rigid surface differs by orders of magnitude, or ""."""
+    """Return a message if body and rigid surface differ in size by orders of magnitude, or ""."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return ""
@@ -399,7 +399,7 @@ def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
 
 
 def _not_finite_law(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return the place of the first law whose answer is not finite, or "". Collective."""
+    """Return a description of the first law that is not finite, or "". Collective."""
     bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in evaluation.rows[1:-1]))
     for s, wrong in zip(eq.surfaces, bad, strict=True):
         if wrong:

@@ -12,7 +12,7 @@ displacement, rises and falls such that the state changes slowly, for example wh
 snaps back. Friction opposes the slip increments, and damage is irreversible. The constraint was
 introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
 
-A step of the path has three parts (as in `step`):
+A step of the path has the three parts of a quasi-static step (`step`):
 
 1. solve H(x_n+1, gamma_n+1; m_n) = 0 at arc length h or at an event before it (`arc_steps`),
 2. account for the energies,
@@ -76,7 +76,7 @@ _PATIENCE = 10  # number of such steps, in addition to two for each contact poin
 
 @dataclass(frozen=True)
 class PathTask:
-    """Task of a run by arc length, with the arguments of `ArcLength.run` as attributes."""
+    """Arguments of `ArcLength.run` that determine the path, as attributes."""
 
     gamma_range: tuple[float, float]
     direction: PathDirection
@@ -179,21 +179,23 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         Args:
             gamma_range: range of the load, (lowest, highest).
             start: state at which the path starts, such as ``history.steps[-1].state`` or
-                ``problem.snapshot()``, under its ``gamma`` or the present value of the parameter;
-                default: end of the previous run; in a first run the present Functions with virgin
-                memory. Required in the first run if the problem has had another evolution.
+                ``problem.snapshot()``. Its load is its ``gamma``, or the present value of the
+                parameter if it has none. Default: end of the previous run; in a first run the
+                present Functions with virgin memory. Required in the first run if the problem has
+                had another evolution.
             direction: direction in which the path leaves its start: in the first run
                 ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
                 (default) or ``"back"``, in which the state unloads without recovery.
-            control: step lengths, in units in which the first tangent and the range of gamma have
-                size 1; default: up to 0.005. Longer steps may miss a fold of many bonds.
-            max_steps: largest number of points.
+            control: lengths of steps, in units in which the first tangent and the range of gamma
+                have size 1; default: up to 0.005. Longer steps may miss a fold at which many bonds
+                break.
+            max_steps: largest number of accepted points.
             rays: whether all solutions of the rate problem are computed and counted in
                 `PathStep.directions`. True: at every kink and nonsmooth fold, from all statuses
                 that meet there, up to 256 pieces. False or None (default): only if no direction is
                 found otherwise.
-            stop: condition ending the run, see `QuasiStatic.run`.
-            observer: observer of the accepted points, see `QuasiStatic.run`.
+            stop: function that returns a reason to end the run, see `QuasiStatic.run`.
+            observer: function or observer called with each accepted point, see `QuasiStatic.run`.
             record: record of the accepted points, such as `records.PathRecord`.
             progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
@@ -216,7 +218,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
 
     @property
     def _gamma(self) -> float:
-        """Load at the last accepted state; before the first run, the value of the parameter."""
+        """Load gamma at the last accepted state; before the first run, the parameter's value."""
         value = self.parametric.constant.value
         return float(value) if self._accepted is None else self._accepted.gamma
 
@@ -256,13 +258,13 @@ class ArcLength(Runnable[PathTask, PathHistory]):
 
 
 class PathStepper(Stepper):
-    """Stepper of a path.
+    """Stepper of a path, which takes the steps from one accepted state to the next.
 
     Args:
         given: contact problem with its load parameter gamma.
 
     Attributes:
-        system: problem with the memory of the last accepted state.
+        system: system H(x, gamma) = 0 with the memory of the last accepted state.
     """
 
     def __init__(self, given: ParametricContact):
@@ -279,7 +281,7 @@ class PathStepper(Stepper):
         return replace(accepted, statuses=given.statuses)
 
     def use_memory(self, steps: ArcSteps, memory: Sequence[Memory | None]) -> None:
-        """Replace the memory by the memory of an accepted state. Collective."""
+        """Use the memory of an accepted state in the system and the steps. Collective."""
         self.system = self.system.with_memory(memory)
         steps.bordered.system = self.system
 
@@ -294,10 +296,10 @@ class PathStepper(Stepper):
         """Step along a path and write the end of the step into the Functions. Collective.
 
         Args:
-            steps: steps of given arc length, which continue with the memory of the end.
+            steps: solver of steps of given arc length; afterwards it has the memory of the end.
             leaves: point of the accepted state, with the piece and the tangent of the step.
             before: accepted state at the start.
-            h: largest arc length.
+            h: largest arc length of the step.
             gamma_range: range of gamma.
 
         Raises:
@@ -334,8 +336,8 @@ class PathStepper(Stepper):
     ) -> tuple[Arrival, Result, Evaluation]:
         """Solve for the next point on the piece of a direction; see `take_along`. Collective.
 
-        If the assumption on which bonds break is wrong, the contact law is violated, and a shorter
-        step is tried.
+        The piece assumes which bonds break. If this is wrong, the solution violates the contact
+        law, and a shorter step is tried.
         """
         while True:
             arrival = steps.arrive(leaves, h, gamma_range)
@@ -353,7 +355,7 @@ class PathStepper(Stepper):
             h = 0.5 * min(h, arrival[0].step)
 
     def _violation(self, evaluation: Evaluation, scales: ResidualScales) -> float:
-        """Return the violation of the contact law relative to the largest forces so far."""
+        """Return the violation of the contact law, relative to the largest forces so far."""
         force, length = scales
         return violation(self.system.equations, evaluation, force, length) if force > 0 else 0.0
 
@@ -370,7 +372,7 @@ class ByArcLength(Rule[PathTask]):
 
     Args:
         stepper: stepper of the path.
-        task: task of the run.
+        task: arguments of the run.
         state: state of the run where it starts or continues.
     """
 
@@ -434,7 +436,7 @@ class ByArcLength(Rule[PathTask]):
             require_in_range(steps.bordered, self._leaves, task.gamma_range)
 
     def _start_point(self, sense: float) -> BranchPoint:
-        """Return the start as a branch point, with the rate of the load as its tangent.
+        """Return the start as a branch point, whose tangent is a change of the load alone.
 
         Args:
             sense: 1 for an increasing load, -1 for a decreasing one.
@@ -527,7 +529,7 @@ class ByArcLength(Rule[PathTask]):
         return event, number, method
 
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
-        """Continue in the first outgoing direction; end the path if there is none. Collective."""
+        """Choose the first outgoing direction; end the path if there is none. Collective."""
         self._leaves = None
         if directions.rays:
             self._leaves = self._steps.leave(point, directions.rays[0])
@@ -539,7 +541,7 @@ class ByArcLength(Rule[PathTask]):
         )
 
     def _event(self, point: BranchPoint) -> PathEvent:
-        """Return the event at an accepted point; "" inside a piece. Collective."""
+        """Return the event at an accepted point (`PathStep.event`). Collective."""
         leaves = self._leaves
         if leaves is None:
             return "kink"
@@ -549,7 +551,7 @@ class ByArcLength(Rule[PathTask]):
         return "nonsmooth fold" if self._steps.turned(point.tangent, leaves.tangent) else "kink"
 
     def _end_if_idle(self) -> None:
-        """End the path if its last steps make no progress."""
+        """End the path if its last steps have almost no length."""
         number = self._patience
         last = self.state.passed[-number - 1 :]
         if self.state.ending or len(last) <= number or last[-1] - last[0] > number * _IDLE:
@@ -562,7 +564,7 @@ class ByArcLength(Rule[PathTask]):
 
 
 def _dependence(s: DiscreteSurface) -> str:
-    """Return the reason why a law does not admit paths by arc length; "" if it does.
+    """Return the reason why a law excludes paths by arc length; "" if it does not.
 
     The reason is a predicate that follows the name of the law in a message.
     """

@@ -54,7 +54,10 @@ _SAMPLES = 17  # points at which the cubic of a step is sampled
 
 
 class ArcSteps(ExactSteps):
-    """Steps along a path, with the memory at their start; the caller then advances the memory."""
+    """Solver of the steps of a path, with the memory at the start of each step.
+
+    The caller advances the memory after an accepted step.
+    """
 
     @property
     def known(self) -> dict[str, Any]:
@@ -77,7 +80,7 @@ class ArcSteps(ExactSteps):
         }
 
     def restore(self, known: Mapping[str, Any]) -> None:
-        """Restore the scales and signs of a run that is resumed."""
+        """Restore the scales and signs (`known`) of a run that is resumed."""
         self.bordered.x_scale = known["x_scale"] * self.bordered.gamma_scale**2
         self.largest_distance = known["largest_distance"]
         self.corrector.scales = tuple(known["scales"])
@@ -90,7 +93,7 @@ class ArcSteps(ExactSteps):
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
     def leave(self, point: BranchPoint, ray: Ray) -> BranchPoint:
-        """Return a point with the piece and tangent of a ray. Collective."""
+        """Return the point with the piece and the tangent of an outgoing ray. Collective."""
         if ray.tangent is point.tangent:
             return point
         new = BranchPoint(point.y, ray.tangent, ray.piece, point.gamma, point.step, 0)
@@ -125,9 +128,9 @@ class ArcSteps(ExactSteps):
         at_border: Mask,
         gamma_range: tuple[float, float],
     ) -> Arrival | None:
-        """Take a step of arc length h, shorter if it ends earlier; None if h is too long.
+        """Take a step of arc length h, or a shorter one that ends at an event. Collective.
 
-        Collective.
+        None if h is too long (see the module).
 
         Args:
             point: point, piece and tangent at the start.
@@ -166,7 +169,7 @@ class ArcSteps(ExactSteps):
         return new, special, next_h, end is not None
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
-        """Predict and correct a point at arc length h on the piece; None on failure."""
+        """Predict and correct a point at arc length h on the piece; None if the corrector fails."""
         corrected = self.corrected_step(point, h, point.piece)
         new = None
         if corrected is not None:
@@ -176,8 +179,8 @@ class ArcSteps(ExactSteps):
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
         """Return whether gamma turns twice, or a border is reached and left again. Collective.
 
-        Both decisions use the cubics through values and rates at the two ends of the step. A false
-        alarm costs a shorter step.
+        Both decisions use cubic interpolants of values and rates at the two ends of the step. If
+        only an interpolant turns, but not the solution, the step is shortened without need.
         """
         b = self.bordered
         ends = (point, new)
@@ -204,7 +207,7 @@ class ArcSteps(ExactSteps):
         return b.anywhere(dips)
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
-        """Return the point between two points at which gamma reaches the end of its range."""
+        """Return the point between two points at which gamma reaches a given end of its range."""
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)
@@ -225,7 +228,7 @@ def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[
         length: length of the step.
 
     Returns:
-        Values and derivatives inside the step, each of shape (samples, 1) or (samples, n).
+        Values and derivatives at points inside the step, shape (samples, 1) or (samples, n) each.
     """
     a, c = np.asarray(values)
     da, dc = np.asarray(rates) * length

@@ -20,11 +20,11 @@ _SAME = 1e-9  # relative change that counts as none
 
 
 class Constancy:
-    """Test that data keep the values that they have at construction.
+    """Test that data keep the values that they had when this object was created.
 
     Args:
-        comm: communicator of all ranks with these data.
-        data: tested data.
+        comm: communicator of all ranks on which the data exist.
+        data: data to be tested.
     """
 
     def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
@@ -33,9 +33,9 @@ class Constancy:
         self._values = [d.values.copy() for d in self._data]
 
     def changed(self) -> str:
-        """Return the place of a datum that has changed by more than 1e-9 of its size. Collective.
+        """Return the name of a datum that has changed by more than 1e-9 of its size. Collective.
 
-        The text includes both values of a Constant; it is empty if nothing has changed.
+        For a Constant both values are appended. The text is empty if nothing has changed.
         """
         if not self._data:
             return ""
@@ -56,13 +56,16 @@ class Constancy:
         return ""
 
     def restore(self) -> None:
-        """Put the values back, bit by bit. Not collective."""
+        """Restore the original values exactly. Not collective."""
         for d, values in zip(self._data, self._values, strict=True):
             d.values[...] = values
 
 
 def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Absolute differences; 0 where both are NaN, infinite where one of them is not finite."""
+    """Return absolute differences of two arrays.
+
+    They are 0 where both values are NaN, and infinite where only one of them is finite.
+    """
     away = np.full(np.shape(a), np.inf)
     np.subtract(a, b, out=away, where=np.isfinite(a) & np.isfinite(b))
     return np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(away))

@@ -87,8 +87,8 @@ class Energies:
     def residue_since(self, before: Energies) -> float:
         """Return the residue of the last step relative to the energies of the step.
 
-        The scale is the sum of the magnitudes of external work, stored energy, dissipation and
-        damage in the step.
+        The residue is divided by the sum of the magnitudes of external work, stored energy,
+        dissipation and damage in the step.
 
         Args:
             before: energies at the start of the step.
@@ -99,7 +99,7 @@ class Energies:
         return (self.residue - before.residue) / scale if scale > 0 else 0.0
 
     def row(self) -> dict[str, float]:
-        """Return the energies and the residue by name, for a table of steps."""
+        """Return the energies and the residue by name, for a row of the table of steps."""
         return asdict(self) | {"residue": self.residue}
 
     def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
@@ -135,11 +135,11 @@ class Energies:
 
 @dataclass(frozen=True)
 class MotionEnergies(Energies):
-    """Energies of a body in motion, accumulated since the start except the kinetic energy.
+    """Energies of a body in motion; all except the kinetic energy accumulate since the start.
 
     Attributes:
-        kinetic: kinetic energy.
-        at_start: kinetic energy at the start.
+        kinetic: present kinetic energy.
+        at_start: kinetic energy at the start of the evolution.
         damping: dissipation by the damping of the body.
         contact: energy lost in impacts; negative if they add energy.
     """
@@ -163,16 +163,16 @@ class SurfaceForces:
     On a rotating rigid body, normals and jumps refer to its frame.
 
     Attributes:
-        force: normal forces, positive in compression, shape (n,).
-        un: gaps, lengths, shape (n,).
-        n: normals, shape (n, dim).
-        jump: total jumps, lengths, shape (n, dim).
+        force: normal forces at the n points, positive in compression, shape (n,).
+        un: gaps, shape (n,).
+        n: unit normals, shape (n, dim).
+        jump: total jumps, shape (n, dim).
         springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
         bonds: energies stored in bonds, shape (n,).
         spent: energies dissipated by bonds in the step, shape (n,).
         at_rest: whether the obstacle does no work on the body. True for the master of a sliding
             pair and for surfaces of facets, whose work is not computed.
-        obstacle: gaps between the undeformed body and the obstacle, lengths, shape (n,).
+        obstacle: gaps between the undeformed body and the obstacle, shape (n,).
     """
 
     force: Array
@@ -197,16 +197,16 @@ class Forces:
 
     Attributes:
         equations: equations of the contact problem.
-        u: displacement (owned).
+        u: displacement, owned values.
         q: unknowns of the rigid bodies.
-        outer: forces of loads and supports on the body (owned).
-        inner: internal forces of the body (owned).
+        outer: forces of loads and supports on the body, owned values.
+        inner: internal forces of the body, owned values.
         pushes: generalised contact forces on the rigid bodies, conjugate to q.
         energy: energy of the body without the potential of its loads; None if it is unknown.
-        surfaces: values at the contact points, by surface.
-        covered: for each owned displacement dof, fraction of the area of its contact point that is
-            opposite to the master; 1 for dofs without a contact point. None without sliding
-            surfaces.
+        surfaces: forces, gaps and energies at the contact points of each surface.
+        covered: for each owned displacement dof, the fraction of the area of its contact point that
+            lies opposite the master surface; 1 for dofs without a contact point. None without
+            sliding surfaces.
     """
 
     equations: ContactEquations
@@ -222,16 +222,17 @@ class Forces:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """State of motion, with the forces and energies required by a step.
+    """Displacement and velocity at one time, with the forces and energies required by a step.
 
     Attributes:
         u: displacement, owned and ghost values.
         v: velocity, owned and ghost values.
-        rows: internal forces and loads R(u) + C v (owned).
-        load: loads -R(0) (owned).
-        inner: energy of the body without the load potential; None if the bulk is a residual form.
+        rows: internal forces, loads and damping R(u) + C v, owned values.
+        load: loads -R(0), owned values.
+        inner: energy of the body without the potential of its loads; None if the bulk is a residual
+            form.
         kinetic: kinetic energy.
-        surfaces: values at the contact points of each surface.
+        surfaces: forces, gaps and energies at the contact points of each surface.
     """
 
     u: Array
@@ -277,7 +278,7 @@ def forces_at(eq: ContactEquations, evaluation: Evaluation) -> Forces:
 
 
 def _at_surface(s: DiscreteSurface, contact: SurfaceEvaluation) -> SurfaceForces:
-    """Return the values at the contact points of a surface. Not collective."""
+    """Return the forces, gaps and energies at the points of a surface. Not collective."""
     n = contact.data.n
     areas = contact.kinematics.operator.areas
     force = -areas * np.sum(contact.traction * n, axis=1)
@@ -307,7 +308,7 @@ def _at_surface(s: DiscreteSurface, contact: SurfaceEvaluation) -> SurfaceForces
 
 
 def _covered(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
-    """Return the fraction of the area of each point that faces an opposing point, shape (n,)."""
+    """Return, for each contact point, the fraction of its area opposite the master, shape (n,)."""
     return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
 
 
@@ -348,7 +349,7 @@ def account(
     Args:
         energies: energies before the step.
         eq: equations of the step.
-        end: solution of the step, with reactions.
+        end: evaluation of the solution of the step, with reactions.
         a: motion before the step.
         b: motion after the step.
         dq: increment of the unknowns of the rigid bodies.
@@ -387,11 +388,11 @@ def _of_surface(
 
     Args:
         eq: equations of the step.
-        i: number of the surface.
-        end: solution of the step.
+        i: index of the surface.
+        end: evaluation of the solution of the step.
         a: motion before the step.
         b: motion after the step.
-        moved: length of the step times the mean velocity, owned and ghost values.
+        moved: displacement in the step, its length times the mean velocity, owned and ghost values.
         dq: increment of the unknowns of the rigid bodies.
     """
     s = eq.surfaces[i]

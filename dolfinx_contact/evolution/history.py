@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Histories: accepted steps, the table of steps, and the ending of a run.
+"""Histories: accepted steps of a run, the table of steps, and why the run ended.
 
 A step leads from the state at its ``start`` to ``state`` at its ``time``. The table has a row for
 the start of the run and one for each step. All rows have the same keys: number and times, counts of
@@ -49,9 +49,9 @@ class EvolutionStep:
             begins again at 1.
         start: time at the start of the step.
         time: time at the end of the step.
-        result: tables, resultants, checks and indicators at the end.
+        result: tables, resultants, checks and indicators at the end of the step.
         energies: energies since the start of the evolution.
-        rejected: number of steps that were tried from the same state and not accepted.
+        rejected: number of steps that were tried from the same state before and not accepted.
         jump: whether the state jumps in the step: its end is a solution under the load at ``time``
             that no continuous evolution reaches.
         directions: number of known solutions of the rate problem at the start; more than one if
@@ -80,7 +80,7 @@ class EvolutionStep:
         return "".join(t.status for t in self.result.tables.values())
 
     def row(self) -> dict[str, Any]:
-        """Return the scalars of the step as a row of the table of steps."""
+        """Return the scalar values of the step as a row of the table of steps."""
         result = self.result
         motions = [(b.name, b.components, b.motion) for b in result.rigid_bodies.values()]
         supports = _of_supports(result.supports, result.support_displacements, motions)
@@ -103,7 +103,7 @@ def _at_state(
     supports: Mapping[str, float],
     energies: Energies,
 ) -> dict[str, Any]:
-    """Return the columns of a row describing the state at its time."""
+    """Return the entries of a row of the table that describe the state at one time, by column."""
     forces = {
         f"{name}_{axis}": float(v)
         for name, t in tables.items()
@@ -140,12 +140,13 @@ def _mean(table: ContactTable, values: Array) -> float:
 def _of_supports(
     reactions: Array, displacements: Array, motions: Iterable[tuple[str, Sequence[str], Array]]
 ) -> dict[str, float]:
-    """Return the columns of a row describing supports and rigid bodies.
+    """Return the entries of a row of the table that describe supports and rigid bodies, by column.
 
     Args:
         reactions: reaction of each Dirichlet condition, shape (conditions, dim).
-        displacements: mean displacement of each condition, NaN in free components.
-        motions: names, components and motions of the rigid bodies.
+        displacements: mean displacement of each condition, NaN in free components, shape
+            (conditions, dim).
+        motions: name, names of the components, and motion of each rigid body.
     """
     columns = {}
     for sign, values in (("", reactions), ("u", displacements)):
@@ -177,9 +178,9 @@ class History(Ends):
         start: time at which the run started.
         before: energies at the start of the run.
         steps: accepted steps.
-        ending: kind of ending; None while the run continues.
-        reason: reason for the ending, as a sentence.
-        first: row of the start in the table of steps.
+        ending: how the run ended (`Ending`); None while it continues.
+        reason: why the run ended, as a sentence.
+        first: row of the table of steps that describes the start.
     """
 
     start: float
@@ -190,11 +191,17 @@ class History(Ends):
     first: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
-        """Return the number of steps, the times and the ending as text."""
+        """Describe the number of steps, the times, and why the run ended."""
         return self._text("step", "time", [self.start, self.time])
 
     def _text(self, unit: str, coordinate: str, values: Sequence[float]) -> str:
-        """Return the number of steps, both ends of a coordinate and the ending as text."""
+        """Describe the number of steps, the range of a coordinate, and why the run ended.
+
+        Args:
+            unit: noun for a step.
+            coordinate: name of the coordinate.
+            values: values of the coordinate, from the start to the end.
+        """
         number = len(self.steps)
         many = f"{number} {unit}{'' if number == 1 else 's'}"
         first, last = (as_text(v, max(map(abs, values))) for v in (values[0], values[-1]))
@@ -202,7 +209,7 @@ class History(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether the run reached the last of its times, or the end of its range."""
+        """Whether the run reached its last time, or the end of its range of gamma."""
         return self.ending is Ending.REACHED
 
     @property
@@ -227,7 +234,7 @@ class History(Ends):
         raise KeyError(f"no step ends at {time!r}")
 
     def begin(self, number: int, problem: ContactProblem) -> None:
-        """Set the row of the start. Collective.
+        """Set the row of the start in the table of steps. Collective.
 
         Args:
             number: number of the last step of earlier runs; 0 if there are none.
@@ -265,7 +272,7 @@ class PathStep(EvolutionStep):
         before: letters of the statuses on the step to the point, as in `status`, bonds included.
         after: letters of the statuses on the next step.
         method: method by which the direction of the next step was found.
-        corrections: Newton steps of the corrector.
+        corrections: number of Newton steps of the corrector.
     """
 
     gamma: float = 0.0
@@ -281,7 +288,7 @@ class PathStep(EvolutionStep):
         return self.event.endswith("fold")
 
     def row(self) -> dict[str, Any]:
-        """Return the scalars of the point as a row of the table of points."""
+        """Return the scalar values of the point as a row of the table of points."""
         return {
             **super().row(),
             "newton_iterations": self.corrections,
@@ -294,7 +301,7 @@ class PathStep(EvolutionStep):
 
 @dataclass
 class PathHistory(History):
-    """Accepted points and ending of a run by arc length; times are arc lengths.
+    """History of a run by arc length; its steps are points, its times are arc lengths.
 
     Attributes:
         gamma: load parameter at the start.
@@ -305,7 +312,7 @@ class PathHistory(History):
     steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
 
     def __str__(self) -> str:
-        """Return the number of points, the loads and the ending as text."""
+        """Describe the number of points, the loads, and why the run ended."""
         return self._text("point", "gamma", [self.gamma, *(p.gamma for p in self.steps)])
 
     def begin(self, number: int, problem: ContactProblem) -> None:

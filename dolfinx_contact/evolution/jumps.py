@@ -78,12 +78,12 @@ class StateChanges:
     """Changes from one state to another, as defined in the module.
 
     Attributes:
-        parts: largest change of the displacement and norm of the change of all unknowns (`MOVED`,
-            `UNKNOWNS`); between states of equilibrium also the mean changes of the jump and of the
-            bonds of the n surfaces; shape (2 + 2 n,).
+        parts: changes "moved" and "unknowns" of the module (indices `MOVED` and `UNKNOWNS`);
+            between states of equilibrium also "means" and then "bonds" of the n surfaces; shape
+            (2 + 2 n,).
         largest: largest change of the jump at a point of each surface, a length, shape (n,).
         broken: largest weakening of a bond of each surface, relative to the remaining strength of
-            the strongest bond; 0 if that is unknown, shape (n,).
+            its strongest bond; 0 if this strength is unknown; shape (n,).
     """
 
     parts: Array
@@ -96,12 +96,12 @@ class StateChanges:
         return float(self.parts[UNKNOWNS])
 
     def rates(self, duration: float) -> Array:
-        """Return the rates of the parts and the largest changes, shape (2 + 3 n,)."""
+        """Return `parts`, then `largest`, divided by the duration, shape (2 + 3 n,)."""
         return np.asarray(np.concatenate([self.parts, self.largest]) / duration)
 
 
 def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
-    """Measure the changes from one state to another. Collective."""
+    """Return the changes from state ``a`` to state ``b``. Collective."""
     d = b.unknowns - a.unknowns
     if not (isinstance(a.forces, Forces) and isinstance(b.forces, Forces)):
         unknowns = np.sqrt(total(comm, np.dot(d, d)))
@@ -123,11 +123,11 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array, Array]:
-    """Return the changes at the free points of a surface on this rank.
+    """Return the changes at the points of a surface on this rank, without clamped points.
 
     Returns:
-        Change of the jump, a length; change of the softening variable of bonds; and remaining
-        strength at the first state, the distance of this variable to its final value.
+        Changes of the jump, lengths; changes of the softening variable of bonds; and remaining
+        strengths in the first state, the distances of this variable to its final value.
     """
     assert isinstance(a.forces, Forces)
     assert isinstance(b.forces, Forces)
@@ -177,11 +177,13 @@ class Found:
     """Result of the search for a jump in a step.
 
     Attributes:
-        steps: ends of the steps that continue the evolution from the start of the step.
-        far: state beyond the jump: end of a step from the last of `steps` whose change does not
-            shrink with the step; None if the evolution continues.
+        steps: accepted ends of shorter steps that continue the evolution from the start of the
+            searched step.
+        far: state beyond the jump: end of a step from the last of `steps` in which the change of
+            the state does not decrease with the step length; None if the evolution continues.
         proved: whether it is proved that no path of solutions leads to `far`.
-        failure: error of shorter steps after the last of `steps`; None if they were solved.
+        failure: error of the shorter steps tried after the last of `steps`; None if they were
+            solved.
         why: description of the solutions beyond the last of `steps`, for the message.
     """
 
@@ -197,26 +199,26 @@ def find_jump(
 ) -> Found | None:
     """Search for a jump in a step in which the state changes suddenly. Collective.
 
-    Halves are examined recursively, the earlier half first. A part contains no jump if the state
-    changes slowly in it, by a small fraction of the change in the step, along a straight line, or
-    evenly (equally in both halves, and in the quarters if they are long enough). If a part of the
-    shortest length remains, the branch of solutions decides.
+    Halves of the step are examined recursively, the earlier half first. A part of the step contains
+    no jump if the state changes slowly in it, by a small fraction of the change in the step, along
+    a straight line, or evenly (equally in both halves, and in the quarters if they are long
+    enough). If a part of the shortest length remains, the branch of solutions decides.
 
     Args:
         stepper: stepper of the problem; the state of the Functions is undefined afterwards.
         before: state at the start of the step.
         after: state at its end.
-        slow: rates of the parts of `StateChanges` up to which the state does not jump.
+        slow: rates of `StateChanges.parts` up to which the state does not jump.
         least: shortest length of a step.
 
     Returns:
-        Steps and jump; None if the change of state is spread over the step.
+        Shorter steps and the jump; None if the state changes without a jump.
     """
     return _Search(stepper, before, after, slow, least).look([before], after)
 
 
 class _Search:
-    """Recursive search of a step, with the arguments of `find_jump`."""
+    """Recursive search of a step for a jump, with the arguments of `find_jump`."""
 
     def __init__(
         self,
@@ -247,7 +249,7 @@ class _Search:
         Args:
             path: solved states from the start of the whole step to the start of the part.
             end: state at the end of the part.
-            even: whether the part is a half of an even part.
+            even: whether the part is one half of a part in whose halves the state changes equally.
         """
         start = path[-1]
         a, b = start.time, end.time
@@ -286,7 +288,7 @@ class _Search:
     def _unsolved(
         self, path: Sequence[AcceptedState], end: AcceptedState, failure: ConvergenceError
     ) -> Found | None:
-        """Return the result for a part in which one half was not solved. Collective."""
+        """Return the result of the search if half of a part was not solved. Collective."""
         if self._leads_to_end(path[-1], end):
             return None
         return Found(path[1:], end, failure=failure)
@@ -299,9 +301,9 @@ class _Search:
     ) -> bool:
         """Return whether the end of two half steps replaces the end of the whole step. Collective.
 
-        This is the case if the ends differ and the branch of the whole step does not lead to its
-        end. Otherwise both ends are equally valid, because the path of friction and damage depends
-        on the steps.
+        It does if the ends differ and the branch of solutions from the start of the whole step does
+        not lead to its end. Otherwise both ends are equally valid, because friction and damage
+        depend on the steps.
 
         Args:
             second: end of the second half.
@@ -313,7 +315,7 @@ class _Search:
         return bool(different.any()) and not self._leads_to_end(start, end)
 
     def _leads_to_end(self, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether the branch of solutions from the start of a step leads to its end."""
+        """Return whether the branch of solutions from the start of a step leads to a given end."""
         branch = branch_of_step(self._stepper, start, end.time)
         return branch.unknowns is not None and self._is_at(branch.unknowns, start, end)
 
@@ -339,7 +341,7 @@ class _Search:
         return self._stepper.keeps(self._data, start.time, end.time)
 
     def _first(self, before: AcceptedState, time: float) -> AcceptedState | ConvergenceError:
-        """Take the longest solvable step towards a time; return the last error if none succeeds."""
+        """Take the longest step towards a time that is solved; return the last error if none is."""
         likely = before.statuses, self._end.statuses
         while True:
             try:
@@ -352,10 +354,11 @@ class _Search:
             time = before.time + length
 
     def _decide(self, path: Sequence[AcceptedState], end: AcceptedState) -> Found | None:
-        """Decide a step of the shortest length by the branch of solutions from its start.
+        """Decide by the branch of solutions whether the state jumps in a shortest step.
 
-        If the branch leads to the end of the step, the state does not jump. If it leads to another
-        state, it is followed further, up to the end of the searched step if possible.
+        It does not jump if the branch leads to the end of this step. If the branch reaches the end
+        of the searched step, or another state at the end of this step, the evolution continues
+        there.
         """
         start = path[-1]
         size = self._change(start, end)
@@ -389,9 +392,9 @@ class StepBranch:
     Attributes:
         unknowns: owned unknowns at the final load, as in `AcceptedState`; None if the branch does
             not reach this load.
-        statuses: statuses at the final load on this rank.
+        statuses: statuses at the final load on this rank; None if the branch does not reach it.
         ends: whether it is proved that no branch reaches the final load.
-        why: reason for the end of the branch.
+        why: reason why the branch does not reach the final load.
     """
 
     unknowns: Array | None = None
@@ -456,11 +459,11 @@ def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
 def _with_growing_load(
     follower: Follower, x: PETSc.Vec, departures: FoundRays[BranchPoint]
 ) -> list[BranchPoint]:
-    """Return the rays to follow from the start, the smallest change of direction last. Collective.
+    """Return the rays to be followed from the start of a step. Collective.
 
-    The result contains the rays with growing gamma; if none exist, the rays with constant gamma. If
-    neither exist and rays may be missing, the result is the start itself, whose first step searches
-    for a direction.
+    These are the rays with growing gamma or, if none exist, with constant gamma; the ray with the
+    smallest change of direction is the last. If there is no such ray, but rays may be missing, the
+    start itself is returned, from which the first step searches for a direction.
     """
     chosen = follower.rays_with_gamma(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):
@@ -471,7 +474,7 @@ def _with_growing_load(
 
 
 def _turned(step: BranchStep) -> str:
-    """Return the reason to end a branch at a fold or bifurcation; "" at other points."""
+    """Return the reason to stop following a branch at a fold or bifurcation; "" elsewhere."""
     return "the load turns back" if any(s.kind in _TURNS for s in step.special) else ""
 
 

@@ -94,7 +94,7 @@ class Matrices:
         self._assembled = Constancy(problem.comm, self._fixed)
 
     def body(self, step: TimeStep) -> MovingBody:
-        """Create the body with mass and damping for time steps. Collective."""
+        """Create the body with mass and damping that is used in time steps. Collective."""
         body = self._bulk if self._wind is None else self._bulk.loaded(self._wind)
         return MovingBody(body, *self._assemble(), step)
 
@@ -105,7 +105,7 @@ class Matrices:
             self._assembled = Constancy(self._problem.comm, self._fixed)
 
     def require_constant(self, time: float) -> None:
-        """Raise `ValueError` if the load at a time has changed the data. Collective."""
+        """Raise `ValueError` if the load at a time has changed density or damping. Collective."""
         changed = self._assembled.changed()
         if changed:
             raise ValueError(
@@ -143,7 +143,7 @@ class Matrices:
         return mass_matrix(self._problem.V, self._density, "consistent", no_dofs)
 
     def _data_of_stiffness(self) -> list[Datum]:
-        """Return the data of the stiffness matrix in Rayleigh damping."""
+        """Return the data on which the stiffness matrix in Rayleigh damping depends."""
         stiff = self._bulk.stiffness_data
         return [
             Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
@@ -153,7 +153,7 @@ class Matrices:
 
 
 def _touching_dofs(eq: ContactEquations) -> Mask:
-    """Return a mask of the owned dofs of nodes that may come into contact. Collective."""
+    """Return a mask of the owned dofs at nodes that may come into contact. Collective."""
     n = eq.owned_sizes[0]
     touching = np.zeros(n // eq.dim, dtype=bool)
     for s in eq.surfaces:
@@ -174,7 +174,7 @@ def _touching_dofs(eq: ContactEquations) -> Mask:
 
 
 def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Mat) -> None:
-    """Log a warning if redistributed mass has a wrong centre or wrong moments. Collective.
+    """Log a warning if redistribution changes the centre or the moments of mass. Collective.
 
     Args:
         problem: contact problem of the body.
@@ -197,7 +197,7 @@ def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Ma
 def _affine_parts(
     form: ufl.Form, u: fem.Function, velocity: fem.Function
 ) -> tuple[ufl.Form, ufl.Form | None]:
-    """Split a damping form into its derivative and its value at zero velocity.
+    """Split a damping form into its derivative by the velocity and its value at zero velocity.
 
     Raises:
         ValueError: if the form is not affine in the velocity.
@@ -231,7 +231,7 @@ def _affine_parts(
 
 
 def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """Return the Functions and Constants in density and damping."""
+    """Return the Functions and Constants on which density and damping depend."""
     found = list(data_in(ufl.as_ufl(density), "the density"))
     if isinstance(damping, ufl.Form):
         found += data_in(damping, "the damping")

@@ -77,12 +77,12 @@ _REVERSALS = 3  # number of successive reversals after which an oscillation is r
 
 @dataclass(frozen=True)
 class Method:
-    """Parameters of the time integration, as in `NSCD`.
+    """Parameters of the time integration; `NSCD` explains their values.
 
     Attributes:
         scheme: scheme of the equation of motion.
-        theta: weight of the end of a step, 1/2 to 1.
-        level: level of Signorini's law.
+        theta: weight of the forces at the end of a step, 1/2 to 1.
+        level: "position" or "velocity", the level at which Signorini's law holds.
         restitution: coefficient of restitution e at the velocity level, 0 to 1.
         mass: kind of the mass matrix.
 
@@ -133,16 +133,16 @@ class Method:
 
 
 class MotionStepper(Stepper):
-    """Stepper of a body in motion.
+    """Stepper of a body in motion, which takes the time steps.
 
     Args:
         problem: contact problem of a time step, with a `MovingBody`.
         velocity: Function of the velocity, which follows the accepted states.
         load: function of the time that sets Constants and Functions of the data.
-        method: method of the steps.
+        method: parameters of the time integration.
         matrices: mass and damping of the body.
         held: nodes of the body with Dirichlet data.
-        progress: progress of the solves.
+        progress: whether the progress of the solves is shown, as in `ContactProblem.solve`.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class MotionStepper(Stepper):
     def _taken(
         self, accepted: AcceptedState, time: float, trial: Trial, guess: AcceptedState | None
     ) -> AcceptedState:
-        """Solve a step; the solver starts from free flight. Collective."""
+        """Solve a step, with the motion without contact forces as initial guess. Collective."""
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = problem.equations
@@ -211,7 +211,7 @@ class MotionStepper(Stepper):
         return self.accept(law, solution.statuses, memory, time, energies, b, result=result)
 
     def _begin(self, accepted: AcceptedState, time: float) -> TimeStep:
-        """Put the start of a step into the Functions and the body. Collective."""
+        """Write the state at the start of a step into the Functions and the body. Collective."""
         self._restore(accepted)
         self._set(time)
         self._matrices.require_constant(time)
@@ -227,10 +227,10 @@ class MotionStepper(Stepper):
         return step
 
     def _free_flight(self, a: Motion, step: TimeStep) -> Array:
-        """Return the displacement w without contact forces, an initial guess. Collective.
+        """Return the displacement w in a step without contact forces, as an initial guess.
 
-        Nodes without mass have arbitrary velocities, which may invert cells. In this case the
-        displacement of a body at rest is returned.
+        Collective. Velocities of nodes without mass are arbitrary and may invert cells. If they do,
+        the displacement of a body at rest is returned.
         """
         origin = self._body.origin
         flight = origin + step.gain * step.length * a.v
@@ -291,11 +291,12 @@ class MotionStepper(Stepper):
     ) -> Array:
         """Return initial gaps for which the gap at w has the sign of un'_1 + e un'_0.
 
-        If the forecast is open, the gap is large, so that the contact force vanishes.
+        At points whose forecast (see the module) is open, the gap is large, so that the contact
+        force vanishes.
 
         Args:
             eq: equations of the step.
-            term: term of the surface.
+            term: contribution of the surface to the equations (`SurfaceTerm`).
             at: kinematics at the reference configuration of friction; the law subtracts
                 n . (jump at w - jump there) from the gap.
             a: motion at the start of the step.
@@ -386,7 +387,7 @@ class MotionStepper(Stepper):
 
 
 def _motion(accepted: AcceptedState) -> Motion:
-    """Return the motion of an accepted state."""
+    """Return the `Motion` of an accepted state."""
     assert isinstance(accepted.forces, Motion)
     return accepted.forces
 
@@ -410,7 +411,7 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
 
 
 class HeldNodes:
-    """Check of the displacement and velocity of a motion against its Dirichlet data.
+    """Comparison of the displacement and velocity of a motion with its Dirichlet data.
 
     Args:
         problem: contact problem of a time step.
@@ -429,7 +430,7 @@ class HeldNodes:
         self._reversals = 0
 
     def require_displacement(self) -> None:
-        """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
+        """Raise `ValueError` if the displacement differs from the Dirichlet data. Collective."""
         u, data = self._displacement_and_data()
         (size,) = largest(self._comm, [max(_size(u), _size(data))])
         place = self._deviation(u, data, self._held, _SAME * size + self._zero)
@@ -443,8 +444,9 @@ class HeldNodes:
     def require_velocity(self, v: Array) -> None:
         """Raise ``ValueError`` if a node fixed by Dirichlet data has a velocity. Collective.
 
-        A node is fixed if its Dirichlet data are constant in the first step. On entry the Functions
-        must contain the start of the first step, and the data the values at its end.
+        A node is fixed if its Dirichlet data are constant in the first step. Before the call, the
+        Functions must contain the state at the start of the first step, and the data must have
+        their values at its end.
 
         Args:
             v: initial velocity, owned and ghost values.
@@ -464,8 +466,8 @@ class HeldNodes:
     def watch(self, a: Motion, b: Motion, step: TimeStep) -> None:
         """Log a warning on rank 0 if velocities of held nodes oscillate. Collective.
 
-        A velocity oscillates if its deviation from the mean velocity in the step changes its sign,
-        but not its size, in three successive steps.
+        A velocity oscillates if its deviation from the mean velocity in the step has the same size
+        and alternating sign in three successive steps.
 
         Args:
             a: motion at the start of the step.
@@ -506,7 +508,7 @@ class HeldNodes:
     def _deviation(self, values: Array, data: Array, which: Mask, tolerance: float) -> str:
         """Describe the largest deviation of values from data; "" if it is small. Collective.
 
-        The first of equal deviations in the order of coordinates is described.
+        If deviations are equal, the first one in the order of coordinates is described.
 
         Args:
             values: owned values.

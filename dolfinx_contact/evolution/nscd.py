@@ -95,7 +95,7 @@ def _check(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Return the arguments of a motion that must be equal on all ranks."""
+    """Return the arguments of a motion that must be the same on all ranks."""
     V = a.problem.V
     return {
         "theta": float(a.theta),
@@ -150,7 +150,7 @@ class NSCD(Evolution):
             values at held nodes must agree with the Dirichlet data.
         scheme: time integration, ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (see
             `body.moving`).
-        theta: weight of the end of a step, 1/2 to 1.
+        theta: weight of the forces at the end of a step, 1/2 to 1.
         level: ``"position"`` for Signorini's law in terms of the gap, or ``"velocity"`` for
             Moreau's impact law in terms of velocities, with which points may come to rest inside
             the obstacle, as deep as they move in one step (see `motion`).
@@ -254,15 +254,15 @@ class NSCD(Evolution):
             times: increasing times: the start, then times at which steps end. Intervals are divided
                 into equal steps of at most dt.
             start: state at the first time, such as ``history.steps[-1].state`` or
-                ``problem.snapshot()``; default: end of the previous run, in a first run the
-                Functions as they are with virgin memory. Required in the first run if the problem
-                has had another evolution.
+                ``problem.snapshot()``. Default: end of the previous run; in a first run the present
+                Functions with virgin memory. Required in the first run if the problem has had
+                another evolution.
             locate: time resolution of first contacts: a step in which a point closes is repeated
                 with half the length, down to ``locate``; by default contacts are not located. A
                 step that is not solved is repeated with a quarter of its length, down to ``locate``
                 or by default dt/1024; the first such step logs a warning.
-            stop: condition ending the run, see `QuasiStatic.run`.
-            observer: observer of the accepted steps, see `QuasiStatic.run`.
+            stop: function that returns a reason to end the run, see `QuasiStatic.run`.
+            observer: function or observer called with each accepted step, see `QuasiStatic.run`.
             record: record of the accepted steps, see `QuasiStatic.run`.
             progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
@@ -329,5 +329,5 @@ class NSCD(Evolution):
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
-    """Describe damping, for records and for the comparison between ranks."""
+    """Describe damping as text, for records and for the comparison between ranks."""
     return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)

@@ -55,7 +55,7 @@ class Evolution(Runnable[HistoryTask, History]):
     Attributes:
         problem: contact problem.
         load: function of the time; it may be replaced between two runs.
-        kept: additional Functions stored in a state, by name.
+        kept: additional Functions whose values are stored in each state, by name.
 
     Raises:
         ValueError: on every rank, if an argument is not admissible.
@@ -107,7 +107,7 @@ class Evolution(Runnable[HistoryTask, History]):
 
 
 def check_run(a: Arguments) -> None:
-    """Check the times and listeners of a run through times; convert the times to numbers."""
+    """Check the times and `Listeners` of a run; convert the times to numbers."""
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     Listeners.of(a).check(a.self._record)
 
@@ -197,9 +197,10 @@ class QuasiStatic(Evolution):
                 ``problem.snapshot()``. Default: end of the last run; in a first run the present
                 Functions with virgin memory (slip is counted from there, bonds are intact).
                 Required in the first run if the problem has had another evolution.
-            longest: upper bound of the length of a step. Default: the given times.
-            shortest: lower bound of the length of a halved step. Default: the whole time divided by
-                2^20.
+            longest: upper bound of the length of a step. Default: one step from each of ``times``
+                to the next.
+            shortest: lower bound of the length of a halved step. Default: duration of the run
+                divided by 2^20.
             halve_steps: whether a step that was not solved is repeated with half or a quarter of
                 its length, down to ``shortest``. Do not use it for velocity-weakening laws, which
                 become steeper in shorter steps. Default: True if ``shortest`` or ``locate_jumps``

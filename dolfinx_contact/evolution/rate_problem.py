@@ -12,10 +12,10 @@ pieces,
 Solutions are searched for in this order:
 
 1. The statuses and the tangent of the last step.
-2. Newton's method for the rate problem: points whose distance decreases take the status beyond the
-   border, all simultaneously, or, if this cycles, only the point with the steepest decrease. The
-   direction is oriented such that det [J; t^T] keeps its sign, which it does along a path unless
-   another path crosses. This distinguishes snap-back from unloading.
+2. Newton's method for the rate problem: points whose distance to a border decreases take the status
+   beyond it, all simultaneously. If this cycles, only the point whose distance decreases at the
+   highest rate does so. The direction is oriented such that det [J; t^T] keeps its sign, which it
+   does along a path unless another path crosses. This distinguishes snap-back from unloading.
 3. All pieces meeting at the state, if they are at most 256. The result is complete and may
    contain several directions or none.
 4. H itself, with recomputed statuses, close to the state.
@@ -75,12 +75,14 @@ _SOME = "some of the statuses that meet"
 
 @dataclass(frozen=True)
 class _Falling:
-    """Borders crossed by a direction, the steepest last; one entry per border on this rank.
+    """Borders crossed by a direction, ordered by rate, the highest last.
+
+    Each array has one entry per border on this rank.
 
     Attributes:
         points: local numbers of the points.
         targets: statuses beyond the borders.
-        rates: rates at which the distances decrease.
+        rates: rates at which the distances to the borders decrease.
     """
 
     points: Indices
@@ -94,8 +96,8 @@ class RateProblem:
     Args:
         corrector: corrector of the bordered system.
         y: state.
-        at_border: distance below which a point is at a border.
-        beyond: negative distance below which a point is beyond a border.
+        at_border: largest magnitude of the distance of a point that counts as at a border.
+        beyond: magnitude of a negative distance above which a point counts as beyond a border.
     """
 
     def __init__(self, corrector: Corrector, y: PETSc.Vec, at_border: float, beyond: float):
@@ -113,8 +115,8 @@ class RateProblem:
         Args:
             piece: piece of the last step.
             t: direction of the last step at the state.
-            every: whether all pieces meeting at the state are tried if the statuses of the last
-                step fail, even if Newton's method finds a direction.
+            every: whether to try all pieces that meet at the state, even if Newton's method finds a
+                direction; not done if the statuses of the last step give one.
 
         Returns:
             Outgoing directions, without the direction that leads back; the path continues along the
@@ -145,7 +147,7 @@ class RateProblem:
 
         Args:
             piece: initial piece of the search.
-            towards: vector with which the direction encloses at most 90 degrees.
+            towards: vector that encloses an angle of at most 90 degrees with the direction.
         """
         newton = self._by_newton(piece, towards, oriented=False)
         return FoundRays(newton or self._next_to_state(towards), False, _NEWTON)
@@ -168,18 +170,23 @@ class RateProblem:
         return _Falling(present.point[falling], present.target[falling], -slopes[falling])
 
     def _events(self, ray: Ray, shift: float) -> Events:
-        """Return the distances to the borders of a piece, at a shift along a direction."""
+        """Return the distances to the borders of a piece at a point along a direction.
+
+        Args:
+            ray: direction with its piece.
+            shift: arc length from the state to the point.
+        """
         y = self._bordered.moved(self._y, shift, ray.tangent)
         return self._bordered.events(y, ray.piece)
 
     def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> tuple[Ray, ...]:
-        """Find a direction inside its piece by Newton's method; none if that fails.
+        """Find a direction that crosses no border of its piece by Newton's method.
 
         Args:
             piece: first piece.
-            t: direction in the first piece; without orientation, a vector with which the result
-                encloses at most 90 degrees.
-            oriented: whether det [J; t^T] keeps its sign.
+            t: direction in the first piece if ``oriented``; otherwise a vector that encloses an
+                angle of at most 90 degrees with the result.
+            oriented: whether the result is oriented such that det [J; t^T] keeps its sign.
         """
         for one_by_one in (False, True):
             ray = self._iterate(piece, t, oriented, one_by_one=one_by_one)
@@ -190,7 +197,14 @@ class RateProblem:
     def _iterate(
         self, first: Piece, t: PETSc.Vec, oriented: bool, *, one_by_one: bool
     ) -> Ray | None:
-        """Return the ray found by Newton's method (`_by_newton`); None if the method cycles."""
+        """Return the ray found by Newton's method; None if the method cycles or a tangent fails.
+
+        Args:
+            first: first piece.
+            t: see `_by_newton`.
+            oriented: see `_by_newton`.
+            one_by_one: whether only one point changes its status in an iteration.
+        """
         tried: set[bytes] = set()
         piece = first
         for _ in range(_ROUNDS):
@@ -214,7 +228,10 @@ class RateProblem:
         return None
 
     def _steepest(self, falling: _Falling) -> _Falling:
-        """Return the steepest border over all ranks; the first of equally steep ones."""
+        """Return only the border that is approached at the highest rate on any rank. Collective.
+
+        If rates are equal, it is the border of the first point in the order of the system.
+        """
         rates = falling.rates
         steepest = maximum(self._comm, rates, -np.inf)
         order = self._bordered.system.order()[falling.points]
@@ -229,7 +246,7 @@ class RateProblem:
     # -- several pieces --------------------------------------------------------------------------
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Try all statuses of the points at a border, unless there are too many."""
+        """Try all choices of statuses of the points at a border, up to a limit."""
         system = self._bordered.system
         order = system.order()
         events = self._bordered.events(self._y, piece)
@@ -246,7 +263,7 @@ class RateProblem:
         return self._finder.enumerated(piece, kinks, t, most=_MOST_PIECES)
 
     def _next_to_state(self, t: PETSc.Vec) -> tuple[Ray, ...]:
-        """Return the direction towards a solution of H close to the state, if one is found."""
+        """Search for a solution of H close to the state; return the direction towards it."""
         sense = 1.0 if self._bordered.gamma(t) >= 0 else -1.0
         led = self._finder.led_by_H(
             (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
@@ -254,7 +271,7 @@ class RateProblem:
         return () if led is None else (led,)
 
     def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
-        """Return distinct directions, without the direction leading back."""
+        """Return the distinct ones of some directions, without the direction that leads back."""
         back = self.back(incoming.piece, incoming.tangent).rays
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)
@@ -263,13 +280,13 @@ class RateProblem:
 def _slopes(present: Events, ahead: Events, behind: Events) -> Array:
     """Return derivatives of the distances to borders along a direction, by central differences.
 
-    A border that exists on one side only, such as the border of an intact bond, gets the one-sided
-    derivative; a border that exists on neither side gets 0.
+    For a border that exists on one side only, such as the border of an intact bond, the derivative
+    is one-sided; for a border that exists on neither side it is 0.
 
     Args:
-        present: events at the state.
-        ahead: events at the distance `_PROBE` along the direction.
-        behind: events at the same distance in the opposite direction.
+        present: distances at the state.
+        ahead: distances at the arc length `_PROBE` along the direction.
+        behind: distances at the same arc length in the opposite direction.
     """
     missing = np.full_like(present.distance, np.nan)
     after, before = (matched_distances(present, events, missing) for events in (ahead, behind))
@@ -315,7 +332,10 @@ def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
 
 @contextmanager
 def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
-    """Provide the system H(x, gamma) of a step and the unknowns of its start. Collective."""
+    """Context manager for the system H(x, gamma) of a step and the unknowns of its start.
+
+    Collective.
+    """
     equations = problem.equations
     x = problem.create_vector()
     problem.write(x)

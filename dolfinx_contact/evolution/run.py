@@ -63,14 +63,14 @@ class RunState:
         number: number of the last step, over all runs; 0 before the first.
         settled: whether the run can be resumed from the state; False between the steps of one
             search for a jump.
-        ending: ending of the run at the state; None if it continues.
-        reason: reason for the ending, as a sentence.
+        ending: how the run ends at the state (`Ending`); None if it continues.
+        reason: why the run ends, as a sentence.
         rate: rates of change in the last step of a history or motion (`jumps.StateChanges`); None
             before the first step and on paths.
         arrived: point of the accepted state on a path, with piece and tangent of the step that
             ended there; None at the start.
         known: scales and signs determined by the steps of a path (`ArcSteps.known`).
-        passed: arc lengths of the start of the run and of its accepted points on a path.
+        passed: arc lengths of all points of a path so far, beginning with the start of the run.
     """
 
     accepted: AcceptedState
@@ -89,7 +89,7 @@ class Ended(Exception):
     """Exception that ends a run if no step continues it; its text is the reason.
 
     Attributes:
-        ending: kind of the ending.
+        ending: kind of the end of the run (`Ending`).
     """
 
     def __init__(self, ending: Ending, reason: str):
@@ -101,11 +101,11 @@ class Rule(ABC, Generic[T]):
     """Rule that chooses the next step of a run.
 
     Args:
-        task: task of the run.
-        state: state of the run at its start or at the point of resumption.
+        task: arguments of the run.
+        state: state of the run at its start or where it is resumed.
 
     Attributes:
-        task: task of the run.
+        task: arguments of the run.
         start: initial state of the run.
         state: state of the run after the last step.
         stuck: reason why no step continues the run; None otherwise.
@@ -122,11 +122,11 @@ class Rule(ABC, Generic[T]):
         self.stuck: Ended | None = None
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """End the run in its present state; the default reason is the sentence of the ending."""
+        """End the run in its present state. The default reason is the sentence of the `Ending`."""
         self.state = replace(self.state, ending=ending, reason=reason or ending.value)
 
     def begin(self) -> None:
-        """Check the start, which is in the problem, before it is recorded. Collective.
+        """Check the start before it is recorded. It is in the Functions of the problem. Collective.
 
         Raises:
             ValueError: on every rank, if a run cannot start from this state.
@@ -136,8 +136,8 @@ class Rule(ABC, Generic[T]):
     def steps(self) -> Iterator[EvolutionStep]:
         """Yield the accepted steps until the run ends. Collective.
 
-        After each step, `state` is the state at its end, with an ending if the run ends there. The
-        state of the Functions is undefined.
+        After each step, `state` is the state at its end, with an `Ending` if the run ends there.
+        The Functions may contain another state.
 
         Raises:
             Ended: on every rank, if no step continues the run.
@@ -145,24 +145,25 @@ class Rule(ABC, Generic[T]):
 
     @abstractmethod
     def where(self, step: EvolutionStep) -> str:
-        """Return the position of the run after a step, for the progress line."""
+        """Describe the position of the run after a step, for the progress line."""
 
     def part(self, step: EvolutionStep) -> float | None:
-        """Return the completed fraction of the run after a step; None if it is unknown."""
+        """Return the fraction of the run that is complete after a step; None if it is unknown."""
 
     def close(self) -> None:
         """Free matrices and solvers of the rule. Collective."""
 
     def require_continuation(self, history: History) -> None:
-        """Raise `NoContinuation` if the ending of the run is an error. Not collective."""
+        """Raise `NoContinuation` if the run ended with an error. Not collective."""
 
 
 @dataclass(frozen=True)
 class Listeners:
-    """Functions and observers passed to a run by the user; see `QuasiStatic.run`.
+    """Functions and observers that the user passes to a run; see `QuasiStatic.run`.
 
     Attributes:
-        stop: function of an accepted step returning the reason to end the run there, or "".
+        stop: function of an accepted step that returns the reason to end the run there, or "" to
+            continue.
         observer: observer of every accepted step.
         record: record storing every accepted step.
         progress: whether rank 0 shows the progress of the run.
@@ -175,7 +176,7 @@ class Listeners:
 
     @classmethod
     def of(cls, a: Arguments) -> Listeners:
-        """Collect the listeners from the arguments of a run."""
+        """Return the listeners contained in the arguments of a run."""
         return cls(a.stop, a.observer, a.record, a.progress)
 
     def check(self, record: str) -> None:
@@ -194,7 +195,7 @@ class Run(Generic[T, H]):
         stepper: stepper that puts states into the problem.
         rule: rule that chooses the steps.
         listeners: validated listeners of the user.
-        history: history to which steps and the ending are added.
+        history: history to which the steps, and the reason for the end of the run, are added.
 
     Attributes:
         state: state of the run after the last accepted step; None before the start.
@@ -212,7 +213,9 @@ class Run(Generic[T, H]):
         self._progress = Progress(comm, listeners.progress)
 
     def go(self) -> H:
-        """Run to the end. Collective; the problem is left in the last accepted state.
+        """Take steps until the run ends. Afterwards the problem is in the last accepted state.
+
+        Collective.
 
         Raises:
             ValueError: on every rank, if the run cannot begin. Errors of listeners are raised on
@@ -275,7 +278,7 @@ class Run(Generic[T, H]):
         self._show(step)
 
     def _show(self, step: EvolutionStep) -> None:
-        """Show the position of the run, statuses, elapsed and remaining wall time."""
+        """Show the position of the run, the numbers of statuses, and elapsed and remaining time."""
         if not self._progress.due:
             return
         rule = self._rule
@@ -295,11 +298,11 @@ class Runnable(ReadOnly, Generic[T, H]):
 
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
-        account: class of the energies.
-        method: description of the parameters of the method, for the manifest of a record.
-        data: additional Functions and Constants, such as a density.
-        forms: additional forms, such as damping.
-        driven: expressions defining Dirichlet data driven by a load.
+        account: class in which energies are stored, `Energies` or a subclass.
+        method: lines that describe the parameters of the method, for the manifest of a record.
+        data: Functions and Constants in addition to those of the problem, such as a density.
+        forms: forms in addition to those of the problem, such as damping.
+        driven: expressions that define Dirichlet data as functions of a load.
     """
 
     account: type[Energies] = Energies
@@ -316,11 +319,15 @@ class Runnable(ReadOnly, Generic[T, H]):
     # -- parts that differ between histories, motions and paths ----------------------------------
 
     def stepper(self, progress: bool | None) -> Stepper:
-        """Create a stepper of the problem; ``progress`` is passed to its solves."""
+        """Create a stepper of the problem.
+
+        Args:
+            progress: whether solves show their progress, as in `ContactProblem.solve`.
+        """
         raise NotImplementedError
 
     def history(self, run_state: RunState) -> H:
-        """Create an empty history starting from a state of a run."""
+        """Create an empty history that starts from a state of a run."""
         raise NotImplementedError
 
     def begun(self, task: T, run_state: RunState) -> RunState:
@@ -328,7 +335,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         raise NotImplementedError
 
     def _rule(self, stepper: Stepper, task: T, run_state: RunState) -> Rule[T]:
-        """Return the rule of a run."""
+        """Return the rule that chooses the steps of a run."""
         raise NotImplementedError
 
     def _accepted_start(self, stepper: Stepper, task: T, start: State | None) -> AcceptedState:
@@ -359,7 +366,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         """Continue an interrupted run, for example from a record. Collective.
 
         Args:
-            task: task of the run.
+            task: arguments of the run.
             run_state: state of the run where it was interrupted.
             listeners: listeners of the remaining steps.
 
@@ -370,7 +377,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         return self._run(task, run_state, listeners)
 
     def put(self, run_state: RunState) -> None:
-        """Put the end of a run into the problem; the next run starts from it. Collective."""
+        """Put the end of a run into the problem as the start of the next run. Collective."""
         self._has_begun()
         self._run_state = run_state
         self.stepper(None).put(run_state.accepted)
@@ -379,14 +386,14 @@ class Runnable(ReadOnly, Generic[T, H]):
         """Run from a given state, the end of the last run, or the Functions. Collective.
 
         Args:
-            task: task of the run.
+            task: arguments of the run.
             listeners: listeners of the run, validated like the task.
             start: state at the start, if given.
 
         Raises:
-            ValueError: on every rank, if a first run requires ``start`` and has none. If an
-                evolution began with virgin memory where another one has ended, bonds would heal
-                silently.
+            ValueError: on every rank, if ``start`` is missing in a first run that requires it,
+                because the problem has had another evolution. With virgin memory, bonds broken in
+                that evolution would heal silently.
         """
         before = self._run_state if start is None else None
         require(
@@ -408,11 +415,11 @@ class Runnable(ReadOnly, Generic[T, H]):
         return self._run(task, self.begun(task, run_state), listeners)
 
     def _has_begun(self) -> None:
-        """Record in the problem that an evolution has begun. Not collective."""
+        """Note in the problem that an evolution of this class has begun. Not collective."""
         self.problem.evolved.append(type(self).__name__)
 
     def _run(self, task: T, run_state: RunState, listeners: Listeners) -> H:
-        """Run from a state of a run to its end, and store the last accepted state. Collective."""
+        """Run from a given state to the end; store the last accepted state. Collective."""
         stepper = self.stepper(listeners.progress)
         rule = self._rule(stepper, task, run_state)
         run = Run(stepper, rule, listeners, self.history(run_state))

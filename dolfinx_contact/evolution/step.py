@@ -60,7 +60,7 @@ class AcceptedState:
         state: state; the next step starts from its memory.
         unknowns: owned unknowns as lengths, shape (n,).
         energies: energies since the start of the evolution.
-        statuses: statuses with which the next step is tried first; None at a start.
+        statuses: statuses with which the solve of the next step starts; None at a start.
         solved: whether the state is a solution under its load; a start need not be a solution.
         forces: forces at the state, for the energies of the next step; in dynamics the motion.
         result: tables, resultants and checks of the step that ended there; None at a start.
@@ -96,12 +96,12 @@ class AcceptedState:
 
 
 class Stepper:
-    """Stepper of a quasi-static evolution.
+    """Stepper of a quasi-static evolution, which takes the steps from state to state.
 
     Args:
         problem: contact problem; its Functions contain the last state.
         load: function of the time that sets Constants and Functions of the data.
-        progress: progress of the solves, as in `ContactProblem.solve`.
+        progress: whether solves show their progress, as in `ContactProblem.solve`.
 
     Attributes:
         problem: contact problem with the static law.
@@ -132,9 +132,9 @@ class Stepper:
         Args:
             accepted: state at the start of the step.
             time: time at its end.
-            likely: guesses of the statuses at the end, the likeliest first; default: statuses of
-                the start.
-            guess: initial guess of the solver; default: start of the step.
+            likely: guesses of the statuses at the end, in the order in which they are tried;
+                default: statuses of the start.
+            guess: state that the solver uses as the initial guess; default: start of the step.
             trial: strategies of the solver; default: all. Motions ignore it and choose their own.
 
         Raises:
@@ -167,7 +167,7 @@ class Stepper:
         return self.accept(step, end.statuses, memory, time, energies, forces, result=result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
-        """Put an accepted state into the Functions; return the problem of a step. Collective.
+        """Put an accepted state into the Functions; return the next step's problem. Collective.
 
         Args:
             accepted: state at the start of the step.
@@ -188,7 +188,7 @@ class Stepper:
             self._set(accepted.time)
 
     def _restore(self, accepted: AcceptedState) -> None:
-        """Put a state into the Functions. Collective."""
+        """Put a state into the Functions, without its load. Collective."""
         self.problem.show(accepted.state)
         self._show_more(accepted.state)
 
@@ -198,7 +198,7 @@ class Stepper:
         Args:
             data: data of the problem.
             start: first time.
-            end: second time, whose load is left in the data.
+            end: second time, whose load remains set.
         """
         self._set(start)
         before = [d.values.copy() for d in data]
@@ -207,7 +207,7 @@ class Stepper:
         return all_ranks(self.problem.comm, same)
 
     def _set(self, time: float) -> None:
-        """Set the load at a time. Collective."""
+        """Set the data of the problem to their values under the load at a time. Collective."""
         self._time = None
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
@@ -315,7 +315,7 @@ class Stepper:
         )
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
-        """Return the end of a run under the present data, the start of a later run. Collective."""
+        """Return the end of a run with the present data: the start of a later run. Collective."""
         self.put(accepted)
         law = self.problem.with_memory(accepted.memory)
         solved = _residual(law.equations, law.evaluate()) <= _SOLVED
@@ -330,7 +330,7 @@ class Stepper:
             time: time of the state.
             memory: memory from which the next step starts, one per surface.
             energies: energies since the start.
-            first: whether the state is a start, whose statuses are unknown.
+            first: whether the state is the start of an evolution, for which no statuses are stored.
         """
         self._set(time)
         law = self.problem.with_memory(memory)
@@ -347,11 +347,11 @@ class Stepper:
     ) -> float:
         """Return the relative residual of a start. Collective.
 
-        A start counts as a solution if it satisfies the law by which it was found, or the law of a
-        step without increment (equilibrium with friction within its bound).
+        A start counts as a solution if it satisfies the law with which it was computed, or the law
+        of a step without increment (equilibrium with friction within its bound).
 
         Args:
-            law: problem with the law by which the state was found.
+            law: problem with the law with which the state was computed.
             evaluation: evaluation of the state.
             memory: memory from which the first step starts.
         """
@@ -373,7 +373,7 @@ class Stepper:
             eq.constraints.check_values(eq.surfaces, eq.body_size)
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Return the evaluation of the start of an evolution. Collective."""
+        """Evaluate the equations at the start of an evolution. Collective."""
         return law.evaluate()
 
     def _first_energies(
@@ -407,7 +407,7 @@ class Stepper:
         """Return the state in the Functions as an accepted state. Collective.
 
         Args:
-            law: problem with the law by which the state was found.
+            law: problem with the law with which the state was computed.
             statuses: statuses of the contact points.
             memory: memory from which the next step starts, one per surface.
             time: time of the state.
@@ -442,8 +442,8 @@ class Stepper:
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
     """Return the relative residual of a state; 0 if its forces are round-off. Collective.
 
-    A state without displacements and forces defines no scale. Then forces count as zero if they
-    move a node by less than 1e-12 of the body size.
+    A state without displacements and forces defines no scale of forces. In this case forces count
+    as zero if they move a node by less than 1e-12 of the body size.
     """
     measures, scales = measure(eq, evaluation, settled=True)
     least = least_scales(eq, 0.0)

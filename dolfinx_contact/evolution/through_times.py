@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rules of histories and motions: steps through given times, or until rest.
+r"""Rules of histories and motions: steps through given times, or until the body is at rest.
 
 Between two given times t_k and t_k+1 the rule takes n equal steps,
 
@@ -100,18 +100,18 @@ _LONGER = (
 
 @dataclass(frozen=True)
 class HistoryTask:
-    """Task of a run, with arguments of `QuasiStatic.run` and `NSCD.run` as attributes.
+    """Arguments of a run through times, from `QuasiStatic.run`, `NSCD.run` or `NSCD.settle`.
 
     Attributes:
-        times: time of the start, then the times that are hit exactly.
+        times: time of the start, then the times at which steps end exactly.
         longest: upper bound of the length of a step.
         shortest: lower bound of the length of a halved step.
         at_jump: action if no solution continues the evolution.
-        locate: whether the closing of points is located to ``shortest``.
+        locate: whether steps in which a point closes are shortened, down to ``shortest``.
         rest: fraction of the largest kinetic energy below which a motion is at rest and the run
             ends (see `NSCD.settle`); 0: the run ends at the last time.
         locate_jumps: whether steps with sudden changes are searched for jumps.
-        halve: whether steps that are not solved are halved.
+        halve: whether steps that are not solved are repeated with a shorter length.
         rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
             points, in steps in which statuses change.
         extrapolate: whether the solver starts from the extrapolation of the last step if bodies
@@ -149,7 +149,10 @@ class HistoryTask:
             raise ValueError("at_jump='jump' needs locate_jumps=True")
 
     def requested(self, time: float) -> float:
-        """Return the length of the requested equal steps at a time; 0 beyond the times."""
+        """Return the length of the equal steps requested for the interval that contains a time.
+
+        It is 0 if the time is not in the range of `times`.
+        """
         k = bisect.bisect_left(self.times, time)
         if not 0 < k < len(self.times):
             return 0.0
@@ -181,7 +184,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
     Args:
         stepper: stepper of the problem.
-        task: task of the run.
+        task: arguments of the run.
         state: state of the run where it starts or continues.
     """
 
@@ -236,7 +239,7 @@ class ThroughTimes(Rule[HistoryTask]):
             self.end(Ending.REACHED, _REACHED)
 
     def _towards(self, end: float) -> Iterator[EvolutionStep]:
-        """Try a step towards a time; yield the accepted steps, or shorten the next one."""
+        """Try a step towards a time; yield the accepted steps, or prepare a shorter step."""
         task = self.task
         start = self.state.accepted
         goal = _aim(start.time, end, self.state.length)
@@ -272,7 +275,7 @@ class ThroughTimes(Rule[HistoryTask]):
             yield self._accept(after)
 
     def _report_halving(self, length: float) -> None:
-        """Log one warning per run that steps are shortened, unless this was requested."""
+        """Log a warning, once per run, that steps are shortened, unless the user requested this."""
         if self._reports_halving and self._comm.rank == 0:
             logger.warning(
                 "step %d of the %s, from the time %.10g and of length %.3g, was not solved: it is "
@@ -286,14 +289,20 @@ class ThroughTimes(Rule[HistoryTask]):
         self._reports_halving = False
 
     def _retry(self, length: float) -> None:
-        """Repeat the step from the same state with a shorter length."""
+        """Prepare to repeat the step from the same state with a shorter length."""
         self.state = replace(self.state, length=length)
         self._rejected += 1
 
     def _accept(
         self, after: AcceptedState, *, jump: bool = False, settled: bool = True
     ) -> EvolutionStep:
-        """Accept the end of a step; return the step for the history. Collective."""
+        """Accept the end of a step; return the record of the step for the history. Collective.
+
+        Args:
+            after: state at the end of the step.
+            jump: whether the state jumps in the step.
+            settled: see `RunState`.
+        """
         before = self.state.accepted
         change = changes(self._comm, before, after)
         step = self._step(after, change, jump)
@@ -315,7 +324,7 @@ class ThroughTimes(Rule[HistoryTask]):
             self.end(Ending.REACHED, _REACHED)
 
     def _step(self, after: AcceptedState, change: StateChanges, jump: bool) -> EvolutionStep:
-        """Return the step from the accepted state to another state, for the history."""
+        """Return the record of a step from the accepted state to another state."""
         start = self.state.accepted.time
         end = after.time
         shorter = end - start < (1 - _ROUND_OFF) * self.task.requested(end)
@@ -333,7 +342,7 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _with_indicators(self, after: AcceptedState, change: StateChanges) -> Result:
-        """Return the result of a step with its indicators of jumps and alternating friction."""
+        """Add indicators of jumps and of alternating friction to the result of a step."""
         before = self.state.accepted
         result = after.result
         assert result is not None
@@ -406,20 +415,23 @@ class ThroughTimes(Rule[HistoryTask]):
         return after if rays is None else replace(after, directions=len(rays))
 
     def _rays(self, start: AcceptedState, time: float) -> Sequence[Statuses] | None:
-        """Return the statuses of all solutions of the rate problem; None if not computed."""
+        """Return the statuses of all solutions of the rate problem; None if none are computed."""
         if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
             return None
         found = rays_of_step(self._stepper.begin(start, time))
         return None if found is None else found.rays
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
-        """Return whether two sets of statuses are equal on all ranks, or unknown. Collective."""
+        """Return whether statuses are equal on all ranks, or one of them is unknown. Collective."""
         if a is None or b is None:
             return True
         return not any_rank(self._comm, any(d.any() for d in differs(a, b)))
 
     def _require_unfolded(self, after: AcceptedState) -> None:
-        """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
+        """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective.
+
+        F is the deformation gradient.
+        """
         start = self.state.accepted
         if not self._slides or self._stepper.problem.equations.bulk.linear or not start.solved:
             return
@@ -435,7 +447,7 @@ class ThroughTimes(Rule[HistoryTask]):
         self._det = after, smallest
 
     def _smallest_det(self, accepted: AcceptedState) -> float:
-        """Return the smallest det F at a state. Collective."""
+        """Return the smallest determinant of the deformation gradient F at a state. Collective."""
         eq = self._stepper.problem.equations
         u = accepted.state.displacement
         return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
@@ -449,7 +461,10 @@ class ThroughTimes(Rule[HistoryTask]):
     # -- jumps -----------------------------------------------------------------------------------
 
     def _search(self, after: AcceptedState) -> Found | None:
-        """Search a step with sudden changes for a jump; None without a jump. Collective."""
+        """Search a step for a jump if the state changes suddenly in it; None without a jump.
+
+        Collective.
+        """
         before = self.state.accepted
         if not self.task.locate_jumps or not before.solved:
             return None
@@ -491,7 +506,12 @@ class ThroughTimes(Rule[HistoryTask]):
         return np.asarray(parts)
 
     def _end_before(self, found: Found, far: AcceptedState) -> Ended:
-        """Return the exception that ends a run before a jump."""
+        """Return the exception that ends a run before a jump.
+
+        Args:
+            found: result of the search.
+            far: state beyond the jump.
+        """
         a = self.state.accepted.time
         b = far.time
         places = where_it_changes(self._stepper, self.state.accepted, far)
@@ -517,7 +537,7 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
-        """Return the reason for the end of a run at a step that was not solved."""
+        """Describe why a run ends at a step that was not solved."""
         advice = "" if self.task.halve else _HALVE
         if self._of_speed:
             advice = _LONGER
@@ -534,8 +554,9 @@ class ThroughTimes(Rule[HistoryTask]):
     def _beyond(self, goal: float) -> AcceptedState | None:
         """Jump to a time for which no solution was found, if the run may jump. Collective.
 
-        Solutions at later times are searched for, at growing distances. The solver then starts from
-        the later solution, or from solutions in between. The result is None if this also fails.
+        A solution at a later time is searched for, at increasing distances. The solver then starts
+        from this solution, or from solutions in between, to solve for the given time. None if this
+        also fails, or if the run must not jump.
         """
         if self.task.at_jump != "jump":
             return None
@@ -592,6 +613,9 @@ class ToRest(ThroughTimes):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """Return the end of the first of the equal steps to ``end``, each at most ``length`` long."""
+    """Return the end of the first of the equal steps from ``start`` to ``end``.
+
+    Their number is the smallest for which they are at most ``length`` long.
+    """
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""HTML pages that explore records: one file each, usable without a network.
+"""Self-contained HTML pages for exploring records without a network.
 
 This extension reads journals. `lines.py` turns a journal into columns and special
 points, `surfaces.py` packs deformed bodies and contact tables (see `packing.py`), and

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Write the HTML page of a record."""
+"""Write an HTML page for exploring a record."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ Record = str | os.PathLike[str] | AnyRecord
 
 @dataclass(frozen=True)
 class SolutionCount:
-    """Number of solutions at one gamma.
+    """Number of solutions at one value of the parameter gamma.
 
     Attributes:
         gamma: parameter, a finite number.
         count: number of known solutions.
-        proved: whether there are provably no others.
-        method: method of the search.
+        proved: whether it is proved that there are no other solutions.
+        method: name of the method by which solutions were counted.
 
     Raises:
         ValueError: if gamma or the count is out of its range.
@@ -108,22 +108,22 @@ def explorer(
     """Write a page that explores a record. Collective; rank 0 reads and writes.
 
     The page is one file for a browser and needs no network. It shows a diagram of any two columns,
-    with branches coloured by their statuses or any column and with special points; at each point
-    the deformed body, the contact face and its table. A click between two points of a branch of
-    affine pieces shows the interpolated state. A functional named ``stable`` (1 or 0, NaN if not
-    decided) colours branches by stability. Bodies are shown if their displacement was recorded
-    (``surface_displacement=True``); in 3D the browser needs WebGL.
+    with special points and with branches coloured by their statuses or by any column. For each
+    point it shows the deformed body, the contact surface and its table. If the problem is piecewise
+    affine, a click between two points shows the interpolated state. A functional named ``stable``
+    (1 or 0, NaN if not decided) colours branches by stability. Bodies are shown if their
+    displacement was recorded (``surface_displacement=True``); in 3D the browser needs WebGL.
 
-    Displacements are packed with an error that the page states; contact tables are exact.
+    Displacements are compressed with an error that is stated on the page; contact tables are exact.
 
     Args:
         file: name of the page, ending in ``.html``.
         record: folder of a record, or journal (`records.read_journal`, `records.journal_of`).
-        counts: numbers of solutions, shown at their gamma: results of `find_solutions` or
-            `analysis.prove_counts`, or `SolutionCount`.
+        counts: numbers of solutions to show at their values of gamma: `SolutionCount` objects, or
+            results of `find_solutions` or `analysis.prove_counts`.
         title: title; by default the name of the record.
         labels: displayed names of columns, by column; formulas between dollars are shown as text.
-        units: units of "length", "force" and "stress".
+        units: names of the units of the quantities "length", "force" and "stress".
         error: largest error of a displacement, relative to the largest displacement; from 1e-4 to
             0.1.
         comm: communicator.
@@ -180,12 +180,12 @@ def _library() -> bytes:
 
 @dataclass
 class _Page:
-    """Options of a page.
+    """Options of a page, see `explorer`.
 
     Attributes:
         title: title; "" for the name of the record.
-        labels: displayed names of columns.
-        units: units of quantities.
+        labels: displayed names of columns, by column.
+        units: names of units, by quantity.
         error: largest relative error of a displacement.
         counts: numbers of solutions.
         library: script of plotly.
@@ -199,7 +199,7 @@ class _Page:
     library: bytes = b""
 
     def of(self, record: Any) -> str:
-        """Return the page of a record."""
+        """Return the HTML text of the page for a record."""
         if isinstance(record, Journal | EvolutionJournal):
             journal = record
             name = "Solutions" if journal.folder is None else journal.folder.name
@@ -248,7 +248,7 @@ class _Page:
         *,
         check: bool = True,
     ) -> str:
-        """Return the text of a page.
+        """Return the HTML text of a page, given its arrays and descriptions.
 
         Raises:
             ValueError: if a label belongs to no column.
@@ -286,7 +286,7 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
     def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return descriptions of the columns; remove functionals and scales from ``content``."""
+        """Describe the columns; remove the items for functionals and scales from ``content``."""
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         scales = content.pop("scales", {})
@@ -302,7 +302,7 @@ class _Page:
 
 
 def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
-    """Add the columns of all lines, one after the other, and describe the lines."""
+    """Store the columns of all lines, concatenated, in ``arrays``; describe the lines."""
     counts = [len(line.statuses) for line in diagram.lines]
     firsts = np.cumsum([0, *counts]).tolist()
     values = [
@@ -332,7 +332,7 @@ def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
 
 
 def _statuses() -> dict[str, dict[str, str]]:
-    """Return names, colours and kinds of statuses, by letter."""
+    """Return name, colour and kind of each status, by its letter."""
     kinds = {letter: kind for kind, letters in status.KINDS.items() for letter in letters}
     return {
         letter: {
@@ -347,7 +347,7 @@ def _statuses() -> dict[str, dict[str, str]]:
 def _without_tex(text: str) -> str:
     r"""Return a label with formulas between dollars as plain text: ``$\gamma_1$`` becomes "γ₁".
 
-    An index with characters that are not in `_SUBSCRIPTS` stays behind its underscore.
+    An index with characters that are not in `_SUBSCRIPTS` is not converted.
     """
 
     def lowered(index: re.Match[str]) -> str:
@@ -366,7 +366,7 @@ def _script(name: str, kind: str, content: str) -> str:
 
 
 def _json(content: Any) -> str:
-    """Return JSON that is safe inside a script element, because it contains no HTML tag."""
+    """Return JSON for a script element, escaped so that it contains no HTML tag."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Lines of a diagram: columns and special points of the branches or steps of a journal."""
+"""Lines of a diagram: columns and special points of the branches or runs in a journal."""
 
 from __future__ import annotations
 
@@ -24,17 +24,19 @@ _WORDS = ("strategy", "event", "before", "after", "status")
 
 @dataclass(frozen=True, eq=False)
 class BranchLine:
-    """A branch, a history or a path.
+    """Line of a diagram: a branch, a history or a path.
 
     Attributes:
-        name: displayed name.
+        name: name displayed in the legend.
         number: number of the branch; 0 for histories and paths.
         columns: values at all points, by name.
         statuses: letters of all contact points, one string per point.
-        marks: special points: ``index`` of a point, ``kind``, ``text``, known values ``at``, and
-            ``share``, the position between the preceding point (0) and the point (1).
+        marks: special points, one dictionary each: ``index`` of the following or same point of the
+            line, ``kind``, ``text``, a dictionary ``at`` of column values that are known at the
+            special point, and ``share``, its relative position between the preceding point (0) and
+            the point ``index`` (1).
         linear: whether the state is piecewise linear between the points.
-        ending: reason for the end; "" if it has not ended.
+        ending: reason why the line ends; "" if the run has not ended.
     """
 
     name: str
@@ -48,15 +50,16 @@ class BranchLine:
 
 @dataclass
 class DiagramData:
-    """The lines of a journal.
+    """Lines of a diagram, and columns and properties of the journal.
 
     Attributes:
         kind: description of the kind of the record.
         along: column over which the lines are plotted: gamma, time or arc.
         columns: names of all columns.
-        functionals: names of columns requested by the user, or contact forces.
+        functionals: names of the columns with the user's functionals; for histories and paths,
+            contact forces.
         lines: lines in order.
-        unfinished: whether the record is being written or was interrupted.
+        unfinished: whether the journal is still being written or was interrupted.
         alike: groups of columns sharing a scale, such as the components of a force.
     """
 
@@ -84,7 +87,7 @@ class DiagramData:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """Initial columns of the axes: the load or time, and the first one that varies."""
+        """Columns initially shown: gamma or time, and a varying column (functionals first)."""
         across = "gamma" if "gamma" in self.columns else self.along
         others = [n for n in self.columns if n not in (across, self.along, "length")]
 
@@ -140,7 +143,7 @@ def _branches(journal: Journal) -> DiagramData:
 
 
 def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
-    """Return the mark of a special point, at a point or between it and the preceding point."""
+    """Return the mark of a special point on the way to the point ``index``."""
     gamma = float(special.gamma)
     share = 1.0
     if index > 0:

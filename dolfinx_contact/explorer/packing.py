@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compression of arrays for a page: exact, or by few modes with a bounded error.
+"""Compression of arrays for a page: lossless, or by few modes with a bounded error.
 
-The states of a field are u_i = sum_k c_ik v_k with the first singular vectors v_k of a block of
-states. Modes are stored as 16-bit integers times a step. The reported error is measured on the
-decoded values, at every vertex of every state. Bytes of equal significance are stored next to each
-other, which deflates well.
+State i of a field is approximated by u_i = sum_k c_ik v_k. The modes v_k are the first singular
+vectors of a block of states, stored as 16-bit integers times a step size. The reported error is the
+difference between decoded and original values at every vertex of every state. Bytes of equal
+significance are stored next to each other, which improves compression by deflate.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def deflated(data: bytes) -> str:
 
 
 class Arrays:
-    """The arrays of a page.
+    """Compressed arrays of a page.
 
     Attributes:
         data: deflated content in base64, by name.
@@ -50,10 +50,10 @@ class Arrays:
         return name
 
     def add(self, name: str, values: npt.NDArray[Any], *, xor: bool = False) -> str:
-        """Add an array without loss and return its name.
+        """Add an array with lossless compression and return its name.
 
         Args:
-            name: unique name.
+            name: unique name of the array.
             values: array of 1, 2, 4 or 8 bytes per entry.
             xor: store each row as its bitwise difference from the preceding row; smaller if
                 successive rows are similar.
@@ -75,13 +75,14 @@ class Arrays:
         """Add a field with a bounded error.
 
         Args:
-            name: unique name.
+            name: unique name of the field.
             values: values at the vertices of all states, shape (states, vertices, components).
-            allowed: largest length of the error at a vertex; at least 1e-4 of the largest value.
+            allowed: largest admissible length of the error vector at a vertex; at least 1e-4 of the
+                largest value.
 
         Returns:
-            Description for the page: ``blocks`` with the number of their first state, the measured
-            ``error``, and the shape.
+            Description for the page: ``blocks`` of states, each with the index of its first state;
+            the measured ``error``; and the shape.
         """
         blocks = []
         error = 0.0
@@ -103,7 +104,12 @@ class Arrays:
 
 
 def _reduced(values: Array, allowed: float) -> tuple[Any, Any, Any, float]:
-    """Return modes (r, n d), their steps (r,), coefficients (m, r) and the error of a block."""
+    """Approximate a block of m states, with d components at n vertices, by r modes.
+
+    Returns:
+        Modes, shape (r, n d); step sizes of their integers, shape (r,); coefficients, shape (m, r);
+        and error.
+    """
     count = len(values)
     flat = values.reshape(count, -1)
     _, vectors = np.linalg.eigh(flat @ flat.T)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies, contact faces and obstacles of a page: their geometry and their recorded states."""
+"""Bodies, contact surfaces and obstacles of a page: geometry and recorded states."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add_bodies(
         error: largest error of a displacement, relative to the largest displacement.
 
     Returns:
-        Items ``body``, ``fields`` and ``surfaces`` of the page, and notes about errors.
+        Items ``body``, ``fields`` and ``surfaces`` of the page; and notes that state the errors.
     """
     u = np.array([state.u for state in states])
     fields = {"displacement": _field(arrays, "displacement", "|u|", u, error)}
@@ -101,7 +101,7 @@ def _field(
 
 
 def _scale(largest: float, size: float) -> float:
-    """Return the magnification of small displacements: 1, 2 or 5 times a power of ten."""
+    """Return a factor that makes small displacements visible: 1, 2 or 5 times 10^n."""
     if largest <= 0 or largest >= _SMALL * size:
         return 1.0
     most = _SHOWN * size / largest
@@ -143,14 +143,15 @@ def _face(
 
 
 def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
-    """Find the closest facet of each point, and barycentric weights of its closest point.
+    """Find the closest facet to each point, and the closest point on this facet.
 
     Args:
-        corners: corners of facets, shape (m, k, 3).
+        corners: corners of m facets, k per facet, shape (m, k, 3).
         points: points, shape (n, 3).
 
     Returns:
-        Indices of facets (n,) and nonnegative weights of their corners (n, k).
+        Indices of the facets, shape (n,); and nonnegative barycentric weights of their corners at
+        the closest points, shape (n, k).
     """
     count = min(_CANDIDATES, len(corners))
     candidates = cKDTree(corners.mean(axis=1)).query(points, range(1, count + 1))[1].reshape(-1)
@@ -176,7 +177,10 @@ def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
 
 
 def _distances(x: Array, facets: Cells) -> Array:
-    """Return the arc lengths (f, 2) of both ends of the edges of a 2D face, part by part."""
+    """Return the arc lengths at both ends of f edges of a 2D surface, shape (f, 2).
+
+    Connected parts follow one after the other.
+    """
     distances = np.zeros(facets.shape)
     begin = 0.0
     for numbers, vertices in curves(facets):
@@ -193,7 +197,7 @@ def _distances(x: Array, facets: Cells) -> Array:
 
 
 def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[str, Any]:
-    """Add the tables of a face at all states, in groups, and return their description."""
+    """Add the contact tables of a surface at all states, in groups; describe the groups."""
     first = states[0].tables[name]
     columns: dict[str, npt.NDArray[Any]] = {}
     for column in first:
@@ -236,16 +240,17 @@ def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[
 def _add_obstacle(
     arrays: Arrays, surface: Any, states: Sequence[Any], face: dict[str, Any], allowed: float
 ) -> tuple[float, float]:
-    """Add the obstacle of a face.
+    """Add the obstacle of a contact surface.
 
-    A page holds the vectors from the undeformed face to the vertices of the obstacle. They are
-    exaggerated like displacements, so that a closed gap stays closed. They are exact at the first
-    state; their changes are packed. An obstacle given by the points opposite to the face has one
-    vertex per vertex of the face; a `RigidSurface` has vertices of its own, and their vectors start
-    at the closest points of the face.
+    The page stores the vectors from points of the undeformed face to the vertices of the obstacle.
+    They are magnified like displacements, so that a closed gap stays closed. At the first state
+    they are stored exactly; later changes are compressed. An obstacle given by the points opposite
+    to the face has one vertex per vertex of the face; a `RigidSurface` has vertices of its own, and
+    their vectors start at the closest points of the face.
 
     Returns:
-        Largest error of a vertex, and largest displacement of a vertex since the first state.
+        Largest error of a vertex position; and largest displacement of a vertex since the first
+        state.
     """
     name = face["name"]
     facets = surface.contact[name]

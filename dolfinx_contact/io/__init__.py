@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Output files: fields for ParaView, tables and summaries; progress messages of scripts."""
+"""Output: fields for ParaView, tables, summaries, and progress messages of scripts."""
 
 from dolfinx_contact.io.evolution import EvolutionSeries
 from dolfinx_contact.io.fields import write_fields

@@ -32,25 +32,26 @@ def _check(a: Arguments) -> None:
 class EvolutionSeries(Observer):
     """Observer writing the start and the steps of an evolution. A collective context manager.
 
-    Files over the time of the evolution, with the suffix ``.pvd`` instead of ``.bp`` for
-    ``format="vtk"``; the script ``paraview.py`` in the folder shows them:
+    The following files are written, with the suffix ``.pvd`` instead of ``.bp`` for
+    ``format="vtk"``. The script ``paraview.py`` in the folder shows them:
 
     - ``evolution_body.bp``: displacement of the bodies.
     - ``evolution_body_stress.bp``: stresses, if requested.
     - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface.
-    - ``steps.csv``: table of the start and of the steps, the rows of `History.rows`. Each row is on
-      the disk before the next step is computed.
+    - ``steps.csv``: table with the rows of `History.rows`, one for the start and one per step. Each
+      row is on the disk before the next step is computed.
 
-    Fields are complete when the context ends, also after an error, up to the last accepted step;
-    files of an earlier series are then removed. `EvolutionRecord` keeps the fields of a killed run.
-    With another observer pass ``continuation.Observers(series, other)``; a function calling
-    ``series(step)`` writes only the steps, without the start.
+    The files of fields are completed at the end of the context, and files of an earlier series are
+    then removed. After an error they contain the states up to the last accepted step. If the
+    process may be killed, use `EvolutionRecord`, which saves every step. To combine the series with
+    another observer, pass ``continuation.Observers(series, other)``. An observer function that only
+    calls ``series(step)`` does not write the start.
 
     Args:
         folder: output folder, created if necessary.
         problem: contact problem of the evolution.
-        every: number of steps between two written states, from 1, counted from the start; the table
-            contains all steps.
+        every: number of steps between two states whose fields are written, at least 1, counted from
+            the start. The table contains all steps.
         stress: 3 x 3 UFL stress, or a dictionary of stresses by cell tag, as for `write_fields`;
             default: no stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); default: see `write_fields`.
@@ -116,7 +117,7 @@ class EvolutionSeries(Observer):
         self.step(step)
 
     def _write(self, row: dict[str, Any], time: float, state: State | None) -> None:
-        """Write a row of the table, and in every ``every``-th step the fields. Collective."""
+        """Write a row of the table and, if the step is due, the fields. Collective."""
         if self._count is None:
             raise ValueError(
                 "an EvolutionSeries writes only in its context: with EvolutionSeries(...) as "

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Fields on the bodies and on their contact surfaces, for ParaView.
 
-Files of the body contain the displacement, the Cauchy stress and the von Mises stress
-(3/2 dev s : dev s)^(1/2), both linear and discontinuous. Each contact surface is a mesh of its own,
-with the fields of `ContactProblem.contact_fields`; for a pair these are on the slave.
+Files of the body contain the displacement, the Cauchy stress s and the von Mises stress (3/2 dev s
+: dev s)^(1/2). Both stresses are linear in each cell and discontinuous between cells. Each contact
+surface is a separate mesh with the fields of `ContactProblem.contact_fields`. For a pair, this is
+the slave surface.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def write_fields(
 
 
 class StateFields:
-    """Fields of the bodies and of all contact surfaces at states of a problem. Collective.
+    """Functions for files: fields of the bodies and of all contact surfaces. Collective.
 
     Args:
         problem: contact problem.
@@ -118,10 +119,10 @@ class StateFields:
             self._surfaces[stem] = s
 
     def at(self, problem: ContactProblem) -> dict[str, list[fem.Function]]:
-        """Return the Functions of all files at the state in the Functions. Collective.
+        """Return the Functions of each file, for the state in the problem's Functions. Collective.
 
         Args:
-            problem: problem with the law of the state.
+            problem: problem with the law of the step that led to the state (`ContactProblem.at`).
         """
         u = problem.u
         own = u.copy()
@@ -211,8 +212,8 @@ def body_fields(
 ) -> list[fem.Function]:
     """Return ``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
 
-    If the stress jumps between cells because of a UFL conditional of the position, each cell has
-    the one-sided values of its interior.
+    If the stress contains a UFL conditional that depends on the position and jumps between cells,
+    each cell gets the limits from its interior.
 
     Args:
         u: displacement.

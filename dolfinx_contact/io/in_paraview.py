@@ -30,7 +30,7 @@ COLOURS = [0.79, 0.82, 0.86, 0.18, 0.43, 0.71, 0.91, 0.54, 0.17, 0.33, 0.33, 0.3
 
 
 def deformed(part: str) -> Any:
-    """Open the file of a part and warp its mesh by the displacement."""
+    """Open one of the files, named by ``part``, and warp its mesh by the displacement."""
     path = os.path.join(FOLDER, FILES[part])
     if path.endswith(".bp"):
         reader = simple.MergeBlocks(Input=simple.ADIOS2VTXReader(FileName=path))
@@ -43,7 +43,7 @@ def deformed(part: str) -> Any:
 
 
 def show(warp: Any, view: Any, array: str) -> None:
-    """Show a mesh coloured by an array; the view is frontal in a plane z = constant, or oblique."""
+    """Show a mesh coloured by an array, from the front if it is plane, otherwise obliquely."""
     display = simple.Show(warp, view)
     display.LineWidth = 6.0  # of the contact surface of a 2D body
     display.NonlinearSubdivisionLevel = 2  # cells of degree 2 are curved

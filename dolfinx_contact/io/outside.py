@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Outer surface, contact faces and obstacles of a problem, for pictures and records.
 
-All data are on rank 0, at vertices in the order of their numbers in the input of the mesh, which is
-the same on any number of ranks. Displacements of higher degree are taken at the vertices, so that
-facets are linear.
+All data are gathered on rank 0. Vertices are in the order of their numbers in the input mesh, which
+does not depend on the number of ranks. Displacements of higher degree are evaluated at the vertices
+only, so that facets are linear.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ _OF_LAWS = ("adhesion", "bond", "slid")
 
 
 class VertexMeans:
-    """Means of a field over the cells at each vertex, weighted by the hat function of the vertex.
+    """Mean of a field at each vertex, weighted by the hat function of the vertex.
 
-    With the vertex rule these are means of the values at the vertex in the adjacent cells, so that
-    continuous fields are exact.
+    With the vertex quadrature rule the mean is taken over the one-sided values in the adjacent
+    cells, so that it is exact for continuous fields.
 
     Args:
-        V: linear space of the vertices.
-        scalars: UFL scalars by cell tag, None for all cells.
+        V: Lagrange space of degree 1, with one dof per vertex.
+        scalars: UFL scalars by cell tag; the key None means all cells.
         tags: cell tags; default: none.
-        rule: quadrature rule.
+        **rule: metadata of the quadrature rule; default: quadrature degree 1.
     """
 
     def __init__(
@@ -78,18 +78,19 @@ class VertexMeans:
 
 
 class Outside:
-    """The outer surface of the bodies of a problem and its states. Collective.
+    """Outer surface of the bodies of a problem, and its states. Collective.
 
-    The equivalent strain is sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain (plane
-    in 2D, with the circumferential strain for bodies of revolution), see `VertexMeans`.
+    A state contains the equivalent strain sqrt(2/3 e : e) at the vertices (`VertexMeans`), with the
+    deviator e of the Green-Lagrange strain. In 2D the strain is plane; for bodies of revolution it
+    includes the circumferential strain.
 
     Args:
         problem: contact problem with the displacement.
 
     Attributes:
         V: scalar P1 space of the bodies.
-        numbers: numbers of its local nodes in the input of the mesh.
-        cells: local vertices of all cells in 2D, of the boundary facets in 3D.
+        numbers: numbers of the local nodes of ``V`` in the input mesh.
+        cells: local vertices of all cells in 2D, or of the boundary facets in 3D.
     """
 
     def __init__(self, problem: ContactProblem):
@@ -102,11 +103,11 @@ class Outside:
         self._strain: VertexMeans | None = None
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]], *, whole: bool = False) -> Arrays:
-        """Gather cells, the displacement ``u`` and other values on rank 0. Collective.
+        """Gather cells, the displacement and other vertex values on rank 0. Collective.
 
         Args:
             values: values at the local vertices, by name.
-            whole: whether all cells are gathered instead of the outer ones; default: False.
+            whole: whether all cells are gathered, also in 3D; default: only `cells`.
         """
         self._moved.interpolate(self.problem.u)
         u = self._moved.x.array.reshape(-1, len(self.problem.u))
@@ -131,7 +132,7 @@ class Outside:
         """Return the state in the Functions on rank 0, None on other ranks. Collective.
 
         Args:
-            law: problem with the law of the contact tables.
+            law: problem under whose law the contact tables are evaluated.
         """
         if self._strain is None:
             revolves = any(s.axisymmetric for s in law.surfaces)
@@ -162,7 +163,7 @@ class Outside:
         return contact, opposite
 
     def _face(self, facets: Indices, nodes: Ints) -> Cells:
-        """Return the vertices of facets of all ranks, as positions in nodes, on rank 0. Collective.
+        """Gather facets on rank 0, with vertices as positions in ``nodes``. Collective.
 
         Args:
             facets: local facets of this rank; ghosts are left out.
@@ -185,12 +186,14 @@ def _columns(table: ContactTable) -> Arrays:
 
 
 def obstacle_facets(s: DiscreteSurface) -> Arrays:
-    """Gather the facets of an obstacle, or the facets opposite to a surface. Collective.
+    """Gather the facets that represent the obstacle of a contact surface. Collective.
+
+    An obstacle without facets is represented by the points opposite to the surface.
 
     Returns:
-        ``cells``, and at their vertices the current position ``floor``, the displacement ``moved``
-        and the normal ``n`` into the obstacle. Facets opposite to the surface are returned on rank
-        0 only, and an empty dictionary on other ranks.
+        Facets ``cells``, and at their vertices the current position ``floor``, the displacement
+        ``moved`` and the normal ``n`` into the obstacle. Facets opposite to the surface are
+        returned on rank 0; other ranks return an empty dictionary.
     """
     if s.obstacle.outline is not None:
         x, facets, n = s.obstacle.outline
@@ -213,12 +216,12 @@ def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
     """Gather the facets of a contact surface and values at its vertices on rank 0. Collective.
 
     Args:
-        s: contact surface.
+        s: contact surface whose facets are gathered.
         values: values at its local vertices, by name.
 
     Returns:
-        Facets ``cells``, and ``nodes``, ``x`` and the values at their vertices on rank 0; an empty
-        dictionary on other ranks.
+        On rank 0: facets ``cells``; and at their vertices the numbers ``nodes``, the coordinates
+        ``x`` and ``values``. On other ranks: an empty dictionary.
     """
     V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
@@ -252,7 +255,7 @@ def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
 
 
 def _outer_cells(V: fem.FunctionSpace) -> Indices:
-    """Return local nodes of the owned cells in 2D, of the boundary facets in 3D. Collective."""
+    """Return the local nodes of owned cells (2D) or of boundary facets (3D). Collective."""
     topology = V.mesh.topology
     if topology.dim == 2:
         return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
@@ -272,14 +275,14 @@ def _gather_cells(
     Args:
         comm: communicator.
         V: scalar space of the nodes.
-        cells: local nodes of the cells of this rank, one row each.
+        cells: local nodes of the cells of this rank, one row per cell.
         values: values at the local nodes, by name.
-        numbers: numbers of the local nodes that determine their order, equal on all ranks with the
-            node.
+        numbers: numbers of the local nodes, by which the gathered nodes are sorted; the same on all
+            ranks that share a node.
 
     Returns:
-        ``cells``, ``nodes`` (their numbers), ``x`` and the values on rank 0; an empty dictionary on
-        other ranks.
+        On rank 0: ``cells``, the numbers ``nodes`` and coordinates ``x`` of their nodes, and
+        ``values``. On other ranks: an empty dictionary.
     """
     at_corners = {"x": node_positions(V), **values}
     parts = comm.gather(

@@ -38,7 +38,7 @@ class Report:
             print(text, flush=True)
 
     def newton(self, step: Step) -> None:
-        """Print a line for an iterate of Newton's method: a monitor of `ContactProblem.solve`."""
+        """Print a line for a Newton iterate; for use as ``monitor`` of `ContactProblem.solve`."""
         m = step.measures
         self(
             f"  Newton {step.iteration:2d}: force {m.force:.1e}, constraint {m.constraint:.1e}, "
@@ -46,7 +46,7 @@ class Report:
         )
 
     def result(self, result: Result) -> None:
-        """Print the result of a solve: points by status, contact forces, violation of the law."""
+        """Print the number of points by status, the contact forces and the violation of the law."""
         self(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
         self("contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
         pairs = result.pairs

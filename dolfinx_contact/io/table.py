@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""CSV tables of contact points and of rows provided by a script."""
+"""CSV tables: contact points, and rows provided by a script."""
 
 from __future__ import annotations
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Files of Functions for ParaView and PyVista, written by DOLFINx.
 
-VTX (``.bp``, a folder) is written by ADIOS2; VTK is a ``.pvd`` that names the ``.pvtu`` of each
-time and the ``.vtu`` of each rank. Cells of displacements of degree 2 are Lagrange cells, so that
-nothing is lost. The Functions of a file have one mesh and one Lagrange element.
+VTX files (``.bp``, a folder) are written by ADIOS2. In the VTK format, a ``.pvd`` file lists one
+``.pvtu`` file per time, which lists one ``.vtu`` file per rank. A displacement of degree 2 is
+written on Lagrange cells without loss. All Functions of a file have the same mesh and Lagrange
+element.
 
-DOLFINx writes into a hidden folder. When all files are complete they replace the files of earlier
-states, so that these remain if the disk is full or the process is killed.
+DOLFINx writes into a hidden folder. When all files are complete, they replace the files of earlier
+states. If the disk is full or the process is killed, the earlier files therefore remain.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ class Writer:
 
         Args:
             time: time of the state.
-            fields: Functions by file; the files and their order must be the same for all states.
+            fields: Functions by name of the file; names and order must be the same for all states.
         """
         self._first = self._first or fields
         self.files = [self.folder / self._name(stem) for stem in self._first]
@@ -166,7 +167,7 @@ class Writer:
 
     @contextmanager
     def _errors(self, stem: str) -> Iterator[None]:
-        """Raise an error of a file as ``OSError`` with its path on every rank. Collective."""
+        """Context manager: raise errors of a file as ``OSError`` with its path. Collective."""
         path = self.folder / self._name(stem)
         try:
             with everywhere(self._comm, f"writing {path}"):
@@ -224,7 +225,7 @@ class Writer:
 
 
 def _keep_alive(writer: io.VTXWriter) -> None:
-    """Keep a writer after an error of ADIOS2, so that its destructor does not run.
+    """Keep a writer alive after an error of ADIOS2, so that its destructor does not run.
 
     The destructor of DOLFINx would close the file again, and the resulting error would terminate
     the process.
@@ -283,7 +284,7 @@ def _is_of_adios(folder: Path) -> bool:
 
 
 def _files_of(folder: Path, stem: str) -> set[Path]:
-    """Return the existing files of fields in both formats; VTK files refer to each other."""
+    """Return the existing files with a name in both formats, including referenced VTK files."""
     bp = folder / f"{stem}.bp"
     found = {bp} if _is_of_adios(bp) else set()
     names = [f"{stem}.pvd"]

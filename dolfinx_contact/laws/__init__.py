@@ -24,11 +24,12 @@ direct solvers and multigrid, and along branches. Some laws support more:
   bodies.
 - *points*: `ContactProblem.reduced` and the classical algorithms.
 
-Parameters not called numbers in the table may be Constants, Functions or UFL expressions of these.
-They may also be the parameter of a branch, which is then followed in steps. A user-defined law
-supports pivoting in 2D if its answers are linear and all its borders meet at zero. A user-defined
-bond, with or without memory, is an `Interface`: an energy and a dissipation potential. In histories
-`Regularised` requires a ``speed``, and `NormalCompliance` supports no tangential springs.
+Unless the table requires a number, parameters may be Constants, Functions or UFL expressions of
+these. The parameter of a branch may occur in them; the branch is then followed in steps. A
+user-defined law supports pivoting in 2D if, for each status, the required traction is linear in
+jump and traction and all borders pass through zero. A user-defined bond, with or without memory, is
+an `Interface`: an energy and a dissipation potential. In histories `Regularised` requires a
+``speed``, and `NormalCompliance` supports no tangential springs.
 """
 
 from typing import TYPE_CHECKING

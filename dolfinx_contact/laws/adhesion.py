@@ -204,10 +204,10 @@ class RCCM(Law):
         return dict(sorted(found.items()))
 
     def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
-        """Return the pieces of contact and friction for the shear not carried by the bond.
+        """Return the law of contact and friction for the shear that the bond does not carry.
 
-        The stretching of the springs by the increment acts like additional augmentation and is
-        omitted.
+        The spring force due to the tangential increment of the step would act like additional
+        augmentation and is omitted.
         """
         along = _along(a.before - self._origin(a), a.n)
         if self.recovers:
@@ -220,28 +220,31 @@ class RCCM(Law):
         return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Return the borders to statuses with a constant bond; without friction, points slip."""
+        """Return the borders to the statuses in which the bond does not change.
+
+        Without friction, closed points slip.
+        """
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))
         return [Border(distance, code, grips), Border(distance, PLUS, ufl.Not(grips))]
 
     def _energy(self, opening: Any, moved: Any) -> Any:
-        """Return twice the energy per area of the springs of an intact bond."""
+        """Return E = C_N [u_n]^2 + C_T |[u_t]|^2, twice the spring energy of an intact bond."""
         return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
     def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the contact point with the pressure of the compliant surface, without bonds."""
+        """Return the contact point with the compliant-surface pressure, without bond springs."""
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """Return the time step of the intensity, using the data in memory."""
+        """Return the time step of the bond intensity from the data in memory."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:
@@ -249,12 +252,12 @@ class RCCM(Law):
         return DamageStep(self.beta, self.work, self.viscosity, a.step, before, grows)
 
     def _now(self, a: ContactPoint) -> Any:
-        """Return the intensity at the current state."""
+        """Return the bond intensity beta at the current state."""
         return self._step(a).now(self._energy(self._opening(a), self._moved(a)))
 
     @property
     def _is_new(self) -> Any:
-        """Whether a recovering bond was broken, so that its reference is the current jump."""
+        """Whether a recovering bond was broken before the step; its reference is then the jump."""
         return ufl.lt(self.beta, self.broken)
 
     def _origin(self, a: ContactPoint) -> Any:
@@ -264,7 +267,7 @@ class RCCM(Law):
         return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
 
     def _opening(self, a: ContactPoint) -> Any:
-        """Return the extension of the normal springs, negative under compression."""
+        """Return the extension of the normal springs; it is negative under compression."""
         return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
 
     def _moved(self, a: ContactPoint) -> Any:
@@ -352,7 +355,7 @@ class DamageStep:
         return free - ufl.conditional(acts, self._viscosity * pace / self._work, 0.0)
 
     def intensity(self, energy: Any) -> Any:
-        """Return the damaged intensity, the solution of b (s - beta)/tau = E beta - w."""
+        """Return the intensity below the cap, the solution of b (s - beta)/tau = E beta - w."""
         w = self._work
         b = ufl.conditional(ufl.gt(self._viscosity, 0.0), self._viscosity, 1.0)
         slow = (b * self._start + self._time * w) / (b + self._time * energy)

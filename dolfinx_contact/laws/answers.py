@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Laws at contact points: tractions and borders for every status, and their derivatives."""
+"""Evaluated laws: tractions and borders at contact points for every status, derivatives."""
 
 from __future__ import annotations
 
@@ -64,10 +64,11 @@ class Spreading:
     """Average of the pressure over neighbouring points, for a nonlocal law.
 
     Attributes:
-        average: function mapping values (n,) at the points of this rank to averages. Collective.
+        average: function that maps values at the n points of this rank to averages, shape (n,).
+            Collective.
         around: averaged pressures, shape (n,).
-        by_jump, by_traction: derivatives of the pressures at the points with respect to jump and
-            traction, shape (n, dim) each.
+        by_jump, by_traction: derivatives of the pressure at each point with respect to its jump and
+            its traction, shape (n, dim) each.
     """
 
     average: Callable[[Array], Array]
@@ -77,10 +78,13 @@ class Spreading:
 
 
 class Answers:
-    """Tractions that a law requires at given jumps and tractions (answers), for every status.
+    """Answers of a law: the tractions tau(j, t) that it requires, for every status.
+
+    A state with jumps j and tractions t at n points satisfies the law if t = tau(j, t)
+    (`laws.law`).
 
     Args:
-        law: compiled law.
+        law: compiled law that is evaluated.
         values: values of its compiled expressions.
         spreading: averaging of a nonlocal law; default: None (local law).
         turning: function mapping statuses to the derivatives of the traction with respect to the
@@ -109,10 +113,10 @@ class Answers:
 
     @cached_property
     def _table(self) -> tuple[Array, Codes, Mask]:
-        """Borders of every status: distances (n, statuses, borders), targets, existing statuses.
+        """Borders of every status: distances, target statuses, and mask of existing statuses.
 
-        Distances are infinite without a border. Targets have the shape (statuses, borders), the
-        mask of existing statuses has the shape (n, statuses).
+        The shapes are (n, statuses, borders), (statuses, borders) and (n, statuses) for n points.
+        Distances are infinite where a status has fewer borders.
         """
         law = self._law
         shape = len(law.codes), max(map(len, law.borders))
@@ -130,20 +134,20 @@ class Answers:
 
     @cached_property
     def required(self) -> Codes:
-        """Statuses required by jumps and tractions, shape (n,)."""
+        """Admissible status of each point, or nearest status if none is admissible, shape (n,)."""
         return self._nearest[0]
 
     @property
     def missed(self) -> Array:
-        """Distance to the nearest admissible status, a traction, shape (n,).
+        """Distance of each point to its nearest admissible status, a traction, shape (n,).
 
-        It is 0 if the status of the point is admissible.
+        The distance is 0 if the status of the point is admissible.
         """
         return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property
     def _nearest(self) -> tuple[Codes, Array]:
-        """Statuses, and the distance of each point to the nearest border of its status."""
+        """Status of each point, and distance to the nearest border of this status."""
         distance, _, exists = self._table
         least = np.where(exists, distance.min(axis=2, initial=np.inf), _ABSENT)
         least[np.isnan(least)] = -np.inf  # smaller than for absent statuses
@@ -154,7 +158,7 @@ class Answers:
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def borders(self, codes: Codes) -> Borders:
-        """Return the distances of the points to the borders of the statuses ``codes``."""
+        """Return the distance of each point to the borders of its status in ``codes``."""
         rows = self._law.rows[codes]
         distance, target, _ = self._table
         return Borders(distance[np.arange(len(codes)), rows], target[rows])
@@ -171,12 +175,15 @@ class Answers:
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Return distances to all borders of a status, ignoring their conditions (n, borders)."""
+        """Return distances to all borders of a status, existing or not, shape (n, borders)."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     @property
     def exists(self) -> Mask:
-        """Mask of existing statuses (n, statuses), in the order of their codes."""
+        """Mask of the statuses that exist at each point, shape (n, statuses).
+
+        Statuses are in the order of `LawAtPoints.codes`.
+        """
         return self._table[2]
 
     def traction(self, codes: Codes) -> Array:
@@ -198,31 +205,36 @@ class Answers:
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Return the derivatives D_s of tau with respect to the averaged quantity, (n, dim)."""
+        """Return the derivatives D_s of tau by the averaged pressure, shape (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Pressure of a nonlocal law, with its derivatives with respect to jump and traction.
+        """Pressure averaged by a nonlocal law, and its derivatives by jump and traction.
 
-        Shapes (n,), (n, dim) and (n, dim).
+        The shapes are (n,), (n, dim) and (n, dim).
         """
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """Return a part of the bond: "traction" (n, dim), "stored" (n,), "after.NAME" (n,)."""
+        """Return an attribute of `Bond` at each point; the first axis has length n.
+
+        Args:
+            name: name of the attribute, such as ``"traction"``, or ``"after.NAME"`` for the new
+                value of an internal variable.
+        """
         found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
         return found if name == "traction" else found[:, 0]
 
     @property
     def bound(self) -> Array:
-        """Radius of the friction disc at each point (n,); NaN if the law has no disc."""
+        """Radius of the friction disc at each point, shape (n,); NaN if the law has no disc."""
         return self._column("bound")
 
     @property
     def unit_bound(self) -> Array:
-        """Radius of the friction disc at unit pressure (n,); NaN if the law has no disc."""
+        """Radius of the friction disc at unit pressure, shape (n,); NaN if the law has no disc."""
         return self._column("unit_bound")
 
     def _column(self, name: str) -> Array:
@@ -231,7 +243,7 @@ class Answers:
 
 
 class HeldAnswers(Answers):
-    """Answers of a law with frozen bonds: no point is being damaged.
+    """Answers of a law whose bonds are frozen, so that no bond is being damaged.
 
     Args:
         answers: answers of the law.
@@ -271,7 +283,7 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate the law at jumps and tractions (n, dim); ``codes`` fixes the statuses."""
+        """Evaluate the law at jumps and tractions, shape (n, dim); ``codes`` fixes the statuses."""
         turn, moved = data.turn, data.moved
         found = self._evaluate(self.compiled.values, jump, traction, data)
         if turn is None or moved is None:
@@ -312,7 +324,9 @@ class LawAtPoints:
         codes: Codes,
         moved: Array | None = None,
     ) -> Array:
-        """Return the rate of the answer (n, dim) at fixed tractions, for given rates of the data.
+        """Return the rate of the answers tau due to rates of the data, shape (n, dim).
+
+        The tractions are constant.
 
         Args:
             jump: jumps, shape (n, dim).
@@ -341,7 +355,7 @@ class LawAtPoints:
         normal: Array,
         moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Return the derivatives of the answers with respect to k parameters and each field.
+        """Differentiate the answers tau with respect to k parameters and to each field.
 
         Args:
             jump: jumps, shape (n, dim).

@@ -38,7 +38,10 @@ _NOT_UFL = "ufunc", "__float__", "cannot be evaluated as bool"
 
 
 def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Return the columns of distance and condition and the target of each border of a status."""
+    """Describe each border of a status: distance column, condition column, target status.
+
+    The condition column is None for a border that always exists.
+    """
     found = []
     for border in piece.borders:
         where = None if border.where is None else flat.add(_number(border.where))[0]
@@ -60,7 +63,7 @@ class _Written:
     Attributes:
         equations: equations of the law, by name.
         pieces: smooth pieces of the law, by status.
-        bounds: radii of the friction disc, at the pressure of the law and at unit pressure.
+        bounds: radius of the friction disc at the pressure of the law, and at unit pressure.
         bond: parts of `Law.bond` by name; empty if the law has no bond.
         pressure: pressure averaged by a nonlocal law; None for a local law.
     """
@@ -135,7 +138,7 @@ def _refuse_other_data(law: Law, scalars: list[Any], w: Any) -> None:
 
 
 class CompiledLaw:
-    """Compiled law, shared by all laws of the same kind.
+    """Compiled law, shared by all laws of the same kind (`Law.kind`).
 
     Args:
         law: law of this kind; its fields are replaced by symbols.
@@ -147,11 +150,13 @@ class CompiledLaw:
             nonlocal law.
         codes: status codes of the law.
         rows: index of each status code in `codes`.
-        places: columns of the values, by quantity and status.
-        borders: columns of distance and condition, and target status, by status and border.
+        places: columns of a quantity in the array of compiled values, by name of the quantity and
+            status.
+        borders: for each status and border, column of the distance, column of the condition (None
+            for no condition), and target status.
         exists: column of the existence condition of each status; None for unconditional ones.
         remembers: whether the law uses data in memory that are not fields of the law.
-        kept: internal variables among these data.
+        kept: internal variables among the data in memory.
         bonded: whether the law has a bond (`Law.bond`).
         knows_slip: whether the law depends on the slip distance.
     """
@@ -205,11 +210,11 @@ class CompiledLaw:
         self._roots = Roots(roots, symbols.solved, symbols.w, comm) if roots else None
 
     def _values(self, flat: ScalarList) -> PointValues:
-        """Return compiled scalars of the law. Collective."""
+        """Compile scalar expressions of the law for evaluation at points. Collective."""
         return PointValues(flat.components, self._symbols.w, self._comm)
 
     def needs_time(self, step: float) -> bool:
-        """Return whether the law depends on the duration of a step of the given sign.
+        """Return whether the law depends on the duration of a step with the sign of ``step``.
 
         Conditions on the duration are resolved first (`known_step`).
         """
@@ -248,9 +253,10 @@ class CompiledLaw:
 
     @cached_property
     def slopes(self) -> tuple[PointValues, list[list[int]]]:
-        """Derivatives of border distances with respect to jump and traction.
+        """Compiled derivatives of border distances by jump and traction, and columns by status.
 
-        They are compiled on first use.
+        They are compiled on first use. For each status, the columns are ordered by border, jump
+        before traction, and component.
         """
         flat = ScalarList()
         places = []
@@ -267,7 +273,10 @@ class CompiledLaw:
 
     @cached_property
     def sensitivities(self) -> tuple[PointValues, list[list[int]], list[list[list[int]]]]:
-        """Derivatives of the answers with respect to normal and fields, compiled on first use."""
+        """Compiled derivatives of the answers by normal and by each field, and their columns.
+
+        The columns are lists by status for the normal, and by field and status for the fields.
+        """
         flat = ScalarList()
         answers = [piece.answer for piece in self._written.pieces.values()]
         by_normal = [flat.add(ufl.diff(answer, self._symbols.n)) for answer in answers]
@@ -278,7 +287,7 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> PointValues:
-        """Derivatives of the averaged pressure with respect to normal and fields.
+        """Compiled derivatives of the averaged pressure by normal and by each field.
 
         They are compiled on first use.
         """
@@ -288,7 +297,12 @@ class CompiledLaw:
         return self._values(flat)
 
     def evaluate(self, values: PointValues, columns: Array) -> Array:
-        """Return values (n, width) at points with data ``columns`` (n, columns). Not collective."""
+        """Evaluate compiled scalars at n points, shape (n, number of scalars). Not collective.
+
+        Args:
+            values: compiled scalars of the law.
+            columns: data of the points, one column per component.
+        """
         return values(columns if self._roots is None else self._roots(columns))
 
 

@@ -3,8 +3,9 @@ r"""Statuses of contact points in 2D as polyhedral cones of w = (ut, un, rt, rn)
 
 The variables w of a point are tangential displacement, gap, and nodal forces on the body, divided
 by a stiffness so that all four are lengths. If the answers of a law are linear in jump and
-traction, a status is the set of all w on a plane, t = D_j j + D_t t, inside its borders: {B z : C B
-z >= 0}.
+traction, a status is the set of all w on the plane t = D_j j + D_t t that are inside the borders of
+the status. It is the cone {B z : C B z >= 0}, where the columns of B span the plane, z has two
+components, and each row of C belongs to a border.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _STATUSES = 4
 
 
 def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
-    """Return whether answers and borders are linear at the points of this rank."""
+    """Return whether a law is linear within each status at the points of this rank."""
     local = law.law.averaging is None
     if not local or max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
         return False
@@ -48,14 +49,15 @@ def cones(
     Args:
         law: polyhedral law at the points.
         data: data of the points without gaps, which are in w.
-        frames: matrices T (n, 2, 2) with j = T (ut, un) and t = T (rt, rn) scale.
+        frames: matrices T with j = T (ut, un) and t = scale T (rt, rn), shape (n, 2, 2).
         scale: factors from forces in w, which are lengths, to tractions, shape (n,).
 
     Returns:
-        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and a mask of the
-        existing statuses (n, 4). Bases are oriented consistently with the rows of the law: up to a
-        sign common to all statuses, det (M B) has the sign of the determinant of the equations
-        M w = p and t - tau(j, t) = 0.
+        Bases B, shape (n, 4, 4, 2); inequalities C padded by zero rows, shape (n, 4, 3, 4); and a
+        mask of the existing statuses, shape (n, 4). Bases are oriented consistently with the
+        equations of the law: for any linear equations M w = p of a body, and up to a sign common to
+        all statuses, det (M B) has the sign of the determinant of M w = p together with t - tau(j,
+        t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))
@@ -84,7 +86,10 @@ def cones(
 
 
 def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
-    """Return bases (n, 4, 2) of the planes ``rows`` w = 0, and the two free coordinates."""
+    """Return bases of the planes ``rows`` w = 0, and the indices of the two coordinates z.
+
+    The bases have the shape (n, 4, 2); the components of z are two of the four coordinates of w.
+    """
     best = -1.0
     chosen = (0, 1)
     size = np.abs(rows).max(axis=(1, 2))
@@ -106,7 +111,10 @@ def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
 
 
 def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
-    """Return inequalities (n, 3, 4) of the free coordinates, without redundant ones."""
+    """Return the border inequalities without redundant ones, shape (n, 3, 4).
+
+    Only the coefficients of the coordinates ``free`` are nonzero.
+    """
     n, borders, _ = slopes.shape
     size = np.abs(slopes).max(axis=2, initial=0.0)
     counts = there[:, :borders] & (size > 0)
@@ -119,7 +127,7 @@ def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
 
 
 def _needed(rows: Array) -> Array:
-    """Return the inequalities ``rows`` z >= 0 not implied by two others."""
+    """Return those inequalities ``rows`` z >= 0 that are not implied by two others."""
     kept = list(range(len(rows)))
     for i in range(len(rows)):
         others = [k for k in kept if k != i]

@@ -12,9 +12,10 @@ the disc of radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` cont
 in UFL, for any coefficient and status by status. The checker of proofs (`proofs.check_proof`) is
 self-contained and repeats them.
 
-In 2D with g = 0 the statuses are cones of w = (ut, un, rt, rn), affine in F: w = (B_0 + F B_1) z
-with (C_0 + F C_1) w >= 0. A *border* between two statuses has one unknown less: between open and
-slip only ut is nonzero; between stick and slip rt is determined by rn.
+In 2D with g = 0 the statuses are cones of w = (ut, un, rt, rn) that depend on F: w = (B_0 + F B_1)
+z with (C_0 + F C_1) w >= 0, where z has two components. On the *border* between two statuses one
+unknown remains: between open and slip only ut is nonzero; between stick and slip rt is determined
+by rn.
 """
 
 from __future__ import annotations
@@ -45,18 +46,18 @@ _TINY = 1e-300
 
 
 def radius(rn: Array, friction: Array, bound: Array) -> Array:
-    """Return the radii F rn + g of the friction discs (m,); g where rn is negative."""
+    """Return the radii F rn + g of the friction discs, shape (m,); g where rn is negative."""
     return np.asarray(friction * np.maximum(rn, 0.0) + bound)
 
 
 def project(s: Array, radius: Array) -> Array:
-    """Project vectors (m, d) onto discs (intervals if d = 1) of the given radii (m,)."""
+    """Project vectors, shape (m, d), onto discs (intervals if d = 1) of radii, shape (m,)."""
     size = np.linalg.norm(s, axis=1)
     return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Project forces (m, dim) onto rn >= 0 and then onto the friction disc."""
+    """Project forces onto rn >= 0 and then onto the friction disc; shape (m, dim)."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 
@@ -80,12 +81,12 @@ def derivative(s: Array, friction: Array, bound: Array) -> Array:
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of closed points (m,) for s = r - k a (m, dim)."""
+    """Return the mask of closed points, shape (m,), for s = r - k a, shape (m, dim)."""
     return np.asarray(s[:, -1] >= 0)
 
 
 def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of sticking points (m,) for s = r - k a (m, dim)."""
+    """Return the mask of sticking points, shape (m,), for s = r - k a, shape (m, dim)."""
     pressure = s[:, -1]
     grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
     size = np.linalg.norm(s[:, :-1], axis=1)
@@ -93,7 +94,7 @@ def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
 
 
 def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
-    """Return status codes (`laws.status`) of points (m,) for s = r - k a (m, dim)."""
+    """Return status codes (`laws.status`), shape (m,), for s = r - k a, shape (m, dim)."""
     back = (s[:, 0] > 0) & (s.shape[1] == 2)
     codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
     rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
@@ -101,7 +102,7 @@ def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
 
 
 def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """Return the largest violation of the laws in 2D, for arrays (m,) scaled to a unit load."""
+    """Return the largest violation of the laws at m points in 2D, scaled to a unit load."""
     size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
     most = friction * rn + bound
     parts = [

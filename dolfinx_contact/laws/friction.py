@@ -3,7 +3,7 @@ r"""Unilateral contact with friction, defined by a friction bound.
 
 A friction law is defined by the radius b of its friction disc (interval in 2D) as a function of the
 contact pressure. For the augmented pressure p and shear s the traction is -max(p, 0) n plus the
-projection of s onto the disc of radius b, written status by status.
+projection of s onto the disc of radius b. The module writes this law status by status.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class FrictionLaw(Law):
     bound_kind: BoundKind | None = "other"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        """Return the radius of the friction disc at the pressure ``p``, UFL traction.
+        """Return the radius of the friction disc, a UFL traction, at the pressure ``p``.
 
         Args:
             a: contact point; the radius may depend on its slip distance ``a.slid``.
@@ -71,11 +71,14 @@ class FrictionLaw(Law):
         return in_(a, partial(self.disc, a), self.grips(a), self.holds(a))
 
     def disc(self, a: ContactPoint, slid: Any) -> Any:
-        """Return the UFL radius of the friction disc for a slip distance in the step."""
+        """Return the UFL friction-disc radius if the step adds the slip distance ``slid``."""
         return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        """Return statuses of an open point after closing, with UFL conditions (None: always)."""
+        """Return the statuses that an open point may have after closing, with UFL conditions.
+
+        The condition None means that the status is always possible.
+        """
         if a.dim == 3:
             return {PLUS: None}
         # The point slips against its displacement.
@@ -123,12 +126,12 @@ class _Slip:
         self._knows = radius(slid) != radius(2.0 * slid)
 
     def border(self, excess: Any) -> Any:
-        """Return the distance to the end of slip, from the excess of the shear over the radius."""
+        """Return the distance to the border of slip, given the excess of shear over the radius."""
         return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
 
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return the pieces of friction in 2D; slip with u_t > 0 has s.t < 0."""
+    """Return the shear pieces by status in 2D; slip with u_t > 0 has s.t < 0."""
     s = ufl.dot(a.s, a.t)
     u = ufl.dot(a.u_t, a.t)
     right = _Slip(a, radius, u)
@@ -143,7 +146,7 @@ def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 
 def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return the pieces of friction in 3D."""
+    """Return the shear pieces by status in 3D."""
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)

@@ -77,7 +77,10 @@ class Interface(Potentials):
     """
 
     def broken(self, state: InterfaceState) -> Any:
-        """Return the UFL condition for a broken interface; default: final value reached."""
+        """Return the UFL condition for a broken interface.
+
+        By default, it is broken if its monotone variable has reached the final value.
+        """
         x = self.weakening
         if x is None or x.end is None:
             return None
@@ -151,7 +154,7 @@ class Interface(Potentials):
         return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
 
     def _check_time(self, a: ContactPoint) -> None:
-        """Raise `ValueError` if the speed matters although all fields in ``needs_time`` are 0."""
+        """Raise `ValueError` if friction depends on speed although all ``needs_time`` are 0."""
         still = self.having(dict.fromkeys(self.needs_time, ufl.as_ufl(0.0)))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
@@ -162,7 +165,7 @@ class Interface(Potentials):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return energy and dissipation at an open or closed point, for one state of the bond."""
+        """Return the interface at an open or closed point, for a given state of the bond."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
@@ -182,7 +185,7 @@ class Interface(Potentials):
         return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
 
     def _starts(self, a: ContactPoint) -> dict[str, Any]:
-        """Return the variables at the last accepted state, by name."""
+        """Return the internal variables at the last accepted state, by name."""
         return {
             x.name: ufl.as_vector([a.kept[name] for name in x.components(a.dim)])
             if x.vector
@@ -199,7 +202,7 @@ class Interface(Potentials):
         return InterfacePoint(self, a, opening, values, self._starts(a), [], None, 2)
 
     def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
-        """Return the current variables of an open or closed point, by name."""
+        """Return the current internal variables of an open or closed point, by name."""
         sides = {f: self._side(a, is_open, f) for f in self._families}
         x = self.weakening
         if x is None:
@@ -216,7 +219,10 @@ class Interface(Potentials):
 
     @property
     def _can_change(self) -> Any:
-        """UFL condition that the monotone variable is not at its final value; None without one."""
+        """UFL condition that the monotone variable has not reached its final value, or None.
+
+        None means that there is no monotone variable with a final value.
+        """
         x = self.weakening
         if x is None or x.end is None:
             return None
@@ -231,7 +237,7 @@ class Interface(Potentials):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders to statuses with another state of the bond."""
+        """Return the borders to statuses in which the bond has a different state."""
         x = self.weakening
         if x is None:
             return []
@@ -269,7 +275,7 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, code: int, family: int, distance: Any, where: Any
 ) -> Iterator[Border]:
-    """Yield the borders to the status with the same contact and friction and another bond state.
+    """Yield the borders at which the state of the bond changes, but not contact and friction.
 
     If friction is zero, the target status is slip.
     """

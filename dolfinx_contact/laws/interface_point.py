@@ -75,14 +75,14 @@ _NO_PACE = 1e-290
 
 
 class Potentials(Law):
-    """Law with an energy and a potential of dissipation (abstract)."""
+    """Law defined by a surface energy and a dissipation potential (abstract)."""
 
     def energy(self, state: InterfaceState) -> Any:
         """Return the surface energy Psi, UFL energy per area."""
         return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return the potential Phi, UFL power per area; only rates are differentiated."""
+        """Return the potential Phi, UFL power per area; it is differentiated by rates only."""
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
@@ -97,11 +97,12 @@ class Potentials(Law):
 class InterfacePoint(FrictionLaw):
     """Interface at a point, for given values of its variables.
 
-    Its pieces are those of contact and friction at `soft`, without the traction of the energy.
+    Contact and friction are evaluated at the contact point `soft`, from which the traction of the
+    surface energy has been subtracted.
 
     Args:
         law: law with its fields at the point.
-        a: contact point.
+        a: contact point with jump, traction and data, in UFL.
         opening: opening [u_n].
         values: values of the variables.
         start: values of the variables at the last accepted state.
@@ -144,7 +145,7 @@ class InterfacePoint(FrictionLaw):
         self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
 
     def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
-        """Return the expressions as variables of differentiation."""
+        """Return the expressions as UFL variables, with respect to which one can differentiate."""
         first += _FIRST + _PER_LEVEL * self._level
         return [variable(e, first + i) for i, e in enumerate(expressions)]
 
@@ -152,12 +153,12 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _pull(self) -> Any:
-        """Derivative dPsi/d[u_n]."""
+        """Derivative dPsi/d[u_n] of the surface energy, a normal traction."""
         return _slope(self.energy, self._opening)
 
     @cached_property
     def _along(self) -> Any:
-        """Derivative dPsi/d[u_t]."""
+        """Derivative dPsi/d[u_t] of the surface energy, a tangential traction."""
         g = _slope(self.energy, self._moved)
         n = self._a.n
         return g - ufl.dot(g, n) * n
@@ -168,7 +169,7 @@ class InterfacePoint(FrictionLaw):
         return self._pull * self._a.n - self._along
 
     def scale(self, name: str) -> Any:
-        """Return the factor that converts the force on a variable to a traction."""
+        """Return the factor that converts the driving force of a variable to a traction."""
         law = self._law
         a = self._a
         zero = self._a.n * 0.0
@@ -200,7 +201,9 @@ class InterfacePoint(FrictionLaw):
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Return Phi and its rates as variables of differentiation, by name; "" for the speed.
+        """Return Phi and the rates in it, by name, as variables of differentiation.
+
+        The slip speed has the name "".
 
         The internal variables are evaluated after the fraction ``share`` of the step.
         """
@@ -220,7 +223,7 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """Resistances dPhi/da', by name of the variable."""
+        """Resistances dPhi/da' to changes of the internal variables a, by name of the variable."""
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
 
@@ -248,7 +251,7 @@ class InterfacePoint(FrictionLaw):
 
     @property
     def _own_speed(self) -> Any:
-        """Slip speed; 0 at an open point without friction."""
+        """Slip speed in the dissipation; 0 at an open point without friction."""
         return ufl.as_ufl(0.0) if self._is_open and self.needs_pressure else self.speed
 
     def driven(self, name: str) -> Any:
@@ -256,7 +259,7 @@ class InterfacePoint(FrictionLaw):
         return _slope(self.energy, self.values[name]) + self._slopes[name]
 
     def determines(self, name: str) -> bool:
-        """Return whether `driven` determines a variable: it depends on this or other unknowns."""
+        """Return whether the equation `driven` of a variable depends on any of the unknowns."""
         force = self.driven(name)
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
@@ -276,10 +279,10 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def soft(self) -> ContactPoint:
-        """Contact point for contact and friction, without the traction from the surface energy.
+        """Contact point without the traction of the surface energy, for Signorini and friction.
 
-        Springs count as additional augmentation, so that pressure and shear decrease when the body
-        moves away, for any spring stiffness.
+        The stiffness of the surface energy is added to the augmentation, so that for any stiffness
+        pressure and shear decrease when the body moves away.
         """
         a = self._a
         pull = self._pull
@@ -297,7 +300,7 @@ class InterfacePoint(FrictionLaw):
         return depends_on(_slope(phi, rates[""]), rates[""])
 
     def _pressing(self, p: Any) -> Any:
-        """Return the pressure p, which is zero at an open point with friction."""
+        """Return the pressure p, replaced by zero at an open point with friction."""
         return ufl.as_ufl(0.0) if self._is_open and not self.needs_pressure else p
 
     def bound(self, a: ContactPoint, p: Any) -> Any:

@@ -80,13 +80,13 @@ class Kernel(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """UFL quantities at a contact point, for the definition of laws.
+    """UFL quantities at a contact point, in terms of which laws are defined.
 
     Attributes:
         jump: displacement of the body minus displacement of the obstacle, a vector.
         traction: traction on the body, a vector.
         n: unit normal, from the body into the obstacle.
-        gap: initial gap.
+        gap: initial gap, a length.
         r: augmentation parameter, a stiffness per area.
         dim: dimension, 2 or 3.
         slid: accumulated slip distance in a history. In a slip step it is measured along the slip
@@ -97,16 +97,17 @@ class ContactPoint:
         touches: distance to the border between open and closed, a traction; None if it equals p.
         around: averaged pressure of the neighbouring points (`Law.averaging`); None for a local
             law.
-        before: jump at the last accepted state of an evolution, a vector, of which ``jump``
-            contains only the normal part. Zero under the static law.
+        before: jump at the last accepted state of an evolution, a vector. The tangential part of
+            ``jump`` is the increment since this state, while its normal part is the total jump.
+            Zero under the static law.
         step: time since the last accepted state; negative under the static law. A law that uses it
             must define the static case by a comparison with 0, for example for the speed:
             ``ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)``.
             Otherwise the law can only be used in histories.
         slid_before: ``slid`` at the last accepted state; 0 under the static law, where ``slid`` is
             the total slip.
-        kept: internal variables at the last accepted state that are not fields of the law, by name
-            (`Internal.components`).
+        kept: internal variables that are not fields of the law, by name (`Internal.components`),
+            with their values at the last accepted state.
         solved: solutions of the equations of the law, by the keys of `Law.equations`.
     """
 
@@ -169,9 +170,9 @@ class Internal:
     Attributes:
         name: name of the variable; a scalar has the name of the field containing its initial
             value.
-        change: admissible change: ``"any"``; ``"falls"`` or ``"grows"`` for the single scalar that
-            weakens a bond.
-        end: final value of a monotone variable; None without a limit.
+        change: admissible change: ``"any"``; or ``"falls"`` or ``"grows"`` for the scalar that
+            describes the weakening of the bond, of which a law has at most one.
+        end: final value of a monotone variable; None for an unbounded variable.
         vector: whether the variable is a vector with the components of the jump, initially 0.
         hidden: whether the variable is omitted from tables; it is then initially 0.
 
@@ -210,7 +211,7 @@ class Internal:
 
 
 class Bond(NamedTuple):
-    """Adhesion and memory of a law at a state, in UFL.
+    """Bond of a law at a state, in UFL: adhesive traction, energies and new memory.
 
     Attributes:
         after: values of the internal variables once the state is accepted, by name in memory.
@@ -229,7 +230,7 @@ class Bond(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Nonlinear equations at a point whose solutions enter a law.
+    """Nonlinear equations at a contact point, on whose solutions a law depends.
 
     The Jacobian matrix should be positive definite.
 
@@ -279,12 +280,12 @@ class StatusPiece:
 class Law:
     """Contact law (abstract): a frozen dataclass of parameters with a method `pieces`.
 
-    Fields are numbers, Constants, Functions or UFL expressions on the mesh of the body; their
-    values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
-    symbols for the values at a point. Other fields are named in `options` or are laws themselves.
-    Laws of one class with the same options are compiled once, so that only fields may vary between
-    points or between solves. Pressure and shear of a point are *augmented* by r; at
-    states that satisfy the law, the required traction must not depend on r.
+    The parameters are numbers, Constants, Functions or UFL expressions on the mesh of the body.
+    Their values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they
+    are symbols for the values at a point. Dataclass fields that are not such parameters are named
+    in `options` or are laws themselves. Laws of one class with the same options are compiled once,
+    so that only fields may vary between points or between solves. Pressure and shear of a point are
+    *augmented* by r; at states that satisfy the law, the required traction must not depend on r.
 
     Raises:
         ValueError: if a field is not a scalar, or is a number that violates `signs`.
@@ -336,11 +337,11 @@ class Law:
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """Return adhesion and new values of the `internal` variables; default: None."""
+        """Return the bond with its new `internal` variables; default: None (no bond)."""
         return None
 
     def lacks(self, *, history: bool) -> str:
-        """Return a message about missing data for a history step or a static solve; "" if none."""
+        """Return a message on parameters that a history or static solve lacks; "" if none."""
         return ""
 
     @property
@@ -350,7 +351,10 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Return the cache key, equal for laws differing only in `given`; None: no sharing."""
+        """Return a cache key of compiled laws; None if the compiled law cannot be shared.
+
+        Laws that differ only in the values of `given` have the same key.
+        """
         inside = [law.kind for law in self._laws.values()]
         if "__dataclass_fields__" not in vars(type(self)) or None in inside:
             return None
@@ -358,15 +362,15 @@ class Law:
         return (type(self), *options, *self.given, *inside)
 
     def unknowns(self, dim: int) -> Mapping[Any, int]:
-        """Return the number of unknowns of each system of `equations`, by its key."""
+        """Return the number of unknowns of each system in `equations`, by key."""
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
-        """Return nonlinear equations, by any keys; their solutions are in ``a.solved``."""
+        """Return nonlinear equations by key (any hashable); ``a.solved`` has their solutions."""
         return {}
 
     def memory(self, dim: int) -> list[str]:
-        """Return the names of the `internal` variables in memory, fields of the law first."""
+        """Return the names under which `internal` variables are stored, fields first."""
         ordered = sorted(self.internal, key=lambda x: not x.is_field)
         return [name for x in ordered for name in x.components(dim)]
 
@@ -386,12 +390,12 @@ class Law:
 
     @property
     def weakens(self) -> bool:
-        """Whether bonds only weaken and the law has no other memory."""
+        """Whether a variable weakens the bond and all internal variables are fields of the law."""
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
     def _settings(self) -> dict[str, Any]:
-        """Values of all fields, by name, except None where this is the default."""
+        """Values of all fields by name, without fields that have their default None."""
         law: Any = self
         known = [(f, getattr(law, f.name)) for f in (fields(law) if is_dataclass(law) else ())]
         return {f.name: value for f, value in known if not (value is None and f.default is None)}
@@ -403,7 +407,7 @@ class Law:
 
     @property
     def given(self) -> dict[str, Scalar]:
-        """Scalar fields by name, followed by those of inner laws, such as ``friction.threshold``.
+        """Scalar fields of this law and of inner laws, by name, such as ``friction.threshold``.
 
         Fields without a value whose default is None are omitted.
         """
@@ -420,7 +424,7 @@ class Law:
         return self.signs.get(name, "any") if law is None else law.sign(inner)
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return a copy of this law with other values of the fields in `given`."""
+        """Return a copy of this law with different values of the fields in `given`."""
         changed: dict[str, Any] = {k: v for k, v in symbols.items() if "." not in k}
         for name, law in self._laws.items():
             start = f"{name}."

@@ -33,7 +33,7 @@ class Roots:
     Args:
         equations: equations of the law, by any keys.
         solved: symbols for the solutions, by the same keys.
-        w: Function with the data of a point; the last components are the solutions.
+        w: Function with the data of a point; the last components are for the solutions.
         comm: communicator of the ranks compiling together.
     """
 
@@ -48,7 +48,7 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """Append the columns of the solutions to ``columns`` (n, k). Not collective."""
+        """Append columns with solutions and inverse Jacobians to point data. Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         with np.errstate(all="ignore"):  # a failed solution is NaN
@@ -84,7 +84,7 @@ class _Root:
         self._known = PointValues(known.components, w, comm)
 
     def __call__(self, full: Array) -> None:
-        """Solve at all points and write the solutions into the columns of ``full``."""
+        """Solve at all points; write solutions and inverse Jacobians into columns of ``full``."""
         n = self._n
         first = self._first
         known = self._known(full)
@@ -108,18 +108,18 @@ class _Root:
         full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
 
     def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
-        """Return F (m, n) and its Jacobian matrix (m, n, n) at z."""
+        """Return F, shape (m, n), and its Jacobian matrix, shape (m, n, n), at m points."""
         n = self._n
         full[:, self._first : self._first + n] = z
         found = self._system(full)
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _force(self, full: Array, z: Array) -> Array:
-        """Return the first residual at z, negative if a monotone first unknown must change."""
+        """Return the first residual at z; it is negative if a monotone first unknown changes."""
         return self._sense * self._at(full, z)[0][:, 0]
 
     def _held(self, full: Array, start: Array, value: Array) -> Array:
-        """Return the solution for a prescribed first unknown."""
+        """Solve for the remaining unknowns with the first unknown prescribed."""
         z = start.copy()
         z[:, 0] = value
         if self._n == 1:
@@ -177,7 +177,7 @@ class _Root:
         held: bool = False,
         end: Array | None = None,
     ) -> Array:
-        """Solve by a damped Newton method; NaN if it fails.
+        """Solve by a damped Newton method; return NaN where it fails.
 
         Steps are reduced until the next correction is smaller, the natural monotonicity test of
         Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not depend
@@ -223,7 +223,7 @@ class _Root:
         return z
 
     def _system_at(self, full: Array, z: Array, held: bool) -> tuple[Array, Array]:
-        """Return F and its Jacobian matrix; a fixed first unknown keeps its value."""
+        """Return F and its Jacobian matrix, with the first equation replaced where it is fixed."""
         F, J = self._at(full, z)
         if held:
             F[:, 0] = 0.0
@@ -234,7 +234,7 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """Return step factors keeping the first unknown between start and end."""
+    """Return factors of Newton steps that keep the first unknown between start and end."""
     parts = [
         np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
     ]
@@ -242,7 +242,7 @@ def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
 
 
 def _inverse(J: Array) -> Array:
-    """Return the inverses of matrices (m, n, n); NaN for singular matrices."""
+    """Return the inverses of m matrices, shape (m, n, n); NaN for singular matrices."""
     if J.shape[1] == 1:
         return np.where(J == 0.0, np.nan, 1.0 / J)
     found = np.full_like(J, np.nan)

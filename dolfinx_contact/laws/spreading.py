@@ -49,7 +49,7 @@ KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweig
 
 @cache
 def whole(shape: str, dim: int) -> float:
-    """Return the integral of a kernel of radius 1 over the line (dim 2) or the plane (dim 3)."""
+    """Integrate a kernel of radius 1 over the line (``dim`` = 2) or the plane (3)."""
     from scipy.integrate import quad  # only needed by this law
 
     omega = KERNELS[shape]

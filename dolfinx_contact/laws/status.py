@@ -47,13 +47,13 @@ _BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
 
 
 class _State(NamedTuple):
-    """Table row: state of contact and friction, with letters and colours for each bond state.
+    """Row of the table of statuses: one state of contact and friction, for all bond states.
 
     Attributes:
         code: status code of an unchanged bond.
         dims: dimensions in which the state exists. Slip in 3D has no sign; its code is `PLUS`.
         words: description of the state.
-        looks: letter and colour for each state in `_BONDS`.
+        looks: letter and colour for each state of the bond in `_BONDS`.
     """
 
     code: int
@@ -80,7 +80,7 @@ _CLAMPED = "d"  # point with Dirichlet conditions
 
 
 class _Row(NamedTuple):
-    """Status with its code, letter, colour, name, and the kind counted in tables."""
+    """Status: code, letter, colour, name, and the kind under which tables count it."""
 
     code: int
     letter: str
@@ -123,7 +123,7 @@ def letters(dim: int) -> npt.NDArray[np.str_]:
 
 
 def word(codes: npt.ArrayLike, dim: int = 2) -> str:
-    """Return a string with the letters of status codes (m,)."""
+    """Return a string with one letter for each status code."""
     return "".join(letters(dim)[np.asarray(codes, dtype=np.int64)])
 
 
@@ -145,7 +145,10 @@ def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:
 
 
 def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
-    """Return the friction state of open and closed points: `OPEN` (none), stick or slip."""
+    """Return the friction state of each point: `OPEN` for no friction, stick or slip.
+
+    Open points under a prescribed friction bound also stick or slip.
+    """
     contact = codes % DAMAGING
     return np.where(contact > WHERE_OPEN, contact - WHERE_OPEN, contact).astype(np.int8)
 

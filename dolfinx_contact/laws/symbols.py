@@ -46,7 +46,7 @@ class Solved(NamedTuple):
 
     Attributes:
         first: index of the column of the first unknown.
-        numbers: scalar unknowns.
+        numbers: symbols of the scalar unknowns.
         inverse: inverse of the Jacobian matrix, in row-major order.
     """
 
@@ -70,7 +70,7 @@ def variable(e: Any, number: int) -> Any:
 
 
 class Symbols:
-    """Symbols for jump, traction, normal, gap, augmentation parameter and named fields.
+    """UFL symbols of a contact point: jump, traction, normal, gap, r and named fields.
 
     Args:
         law: law; its field values are not used.
@@ -114,12 +114,12 @@ class Symbols:
 
     @property
     def of_the_law(self) -> dict[str, Any]:
-        """Fields of the law by name."""
+        """Symbols of the fields of the law, by name."""
         return {name: self._known[name] for name in self._given}
 
     @property
     def point(self) -> ContactPoint:
-        """Contact point passed to a law."""
+        """Contact point, made of symbols, that is passed to the methods of a law."""
         gap = self.w[3 * self._dim]
         r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
@@ -138,7 +138,7 @@ class Symbols:
 
     @property
     def step(self) -> Any | None:
-        """Symbol for the time since the last accepted state; None if it is not used."""
+        """Symbol for the duration of the step; None if the law does not use it."""
         return self._known.get(STEP)
 
     def exact(self, equations: Mapping[Hashable, Equations]) -> dict[Hashable, tuple[Any, ...]]:
@@ -158,7 +158,10 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Return the names of memory data used in expressions; of vectors, all components."""
+        """Return the names of the data in memory that occur in expressions.
+
+        If a component of the jump occurs, all its components are listed.
+        """
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)
@@ -179,7 +182,7 @@ def known_step(e: Any, symbol: Variable, step: float) -> Any:
     Args:
         e: scalar UFL expression.
         symbol: symbol for the time step.
-        step: 0, or a number representing all steps of the same sign.
+        step: 0, or any number with the sign of the steps for which comparisons are evaluated.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 

@@ -2,8 +2,9 @@
 """Cracks: nodes are duplicated along facets inside a body, whose sides may then separate.
 
 The cells around a node of the crack are connected through facets that do not belong to the crack.
-Each fan of connected cells gets a node of its own: there are two inside a crack, one at its front
-and at its ends inside the body, two at the surface, and three where an arm meets another crack.
+Each fan of connected cells gets its own copy of the node. There are two copies along a crack and
+where it reaches the surface, one at its front and at its ends inside the body, and three where an
+arm meets another crack.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def crack(
 
     The facets of a group keep their tag on one side and get a new one on the other side. The new
     group is named after the first: ``"fault_opposite"`` after ``"fault"``, ``"5_opposite"`` after
-    5. So an interface inside a body becomes a matching pair::
+    5. An interface inside a body thus becomes a contact pair with matching meshes::
 
         body = crack(body, ["fault"])
         fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
@@ -71,10 +72,10 @@ def crack(
 
     Args:
         body: mesh, or mesh with physical groups.
-        groups: names or tags of groups of facets. Each arm of crossing or branching cracks needs a
-            group and a pair of its own (`ContactPair` describes contact where they meet). If a
-            crack ends on another one, its arm is a group, and the side divided by it must be the
-            slave of the other crack.
+        groups: names or tags of groups of facets. Each arm of crossing or branching cracks needs
+            its own group and its own pair (`ContactPair` describes contact where they meet). If a
+            crack ends on another crack, it divides one side of the latter, which must be the slave
+            of the latter's pair.
         facet_tags: facet tags of a mesh without groups.
         cell_tags: cell tags of a mesh without groups; default: none.
 
@@ -84,7 +85,7 @@ def crack(
     Raises:
         ValueError: on every rank, if a group does not exist, a new name is the name of another
             group, a facet lies on the boundary, a group crosses itself or branches, no node of a
-            group can be doubled, the cells are curved, or tags are missing or belong to another
+            group can be duplicated, the cells are curved, or tags are missing or belong to another
             mesh or to other entities.
     """
     given: Any = body
@@ -100,9 +101,10 @@ class _Around:
 
     Attributes:
         near: indices of the cells.
-        cells: nodes of these cells, shape (cells, nodes of a cell); `split` replaces them.
+        cells: nodes of these cells, shape (cells, nodes per cell); `split` replaces duplicated
+            nodes.
         corners: local indices of the nodes of each facet of a cell.
-        ids: indices of the facets of these cells, shape (cells, facets of a cell).
+        ids: indices of the facets of these cells, shape (cells, facets per cell).
         tagged: indices of the tagged facets, -1 for facets that belong to none of these cells.
     """
 
@@ -121,15 +123,15 @@ class _Around:
         return self.cells[cells[:, None], self.corners[places]]
 
     def split(self, crack: Ints, marked: Mask) -> tuple[Ints, Mask]:
-        """Give every fan of cells a node of its own.
+        """Duplicate the nodes of the crack, so that every fan of cells has its own copy.
 
         Args:
             crack: indices of the facets through which cells are not connected.
             marked: mask of the nodes of the crack.
 
         Returns:
-            Nodes that were duplicated, one entry per copy; and mask of all nodes, old and new, that
-            share their position with another node.
+            For each new node, the node of which it is a copy; and a mask of all nodes, old and new,
+            that share their position with another node.
         """
         n, k = self.cells.shape
         # a corner of a cell is connected to a node of a facet, and thus to the corner beyond it
@@ -207,7 +209,7 @@ def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) 
 
 
 def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
-    """Raise ``ValueError`` if a group branches or cannot open; warn about facets that cannot."""
+    """Raise ``ValueError`` if a group branches or cannot open; warn if facets cannot open."""
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
     for tag in tags:
@@ -237,7 +239,10 @@ def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
 def _sides(
     whole: WholeMesh, around: _Around, several: Mask, facets: Ints, tag: int
 ) -> tuple[Ints, Mask]:
-    """Return the nodes (items, k) of both sides of facets, and the mask of the first side."""
+    """Return the facets of both sides of a crack, and a mask of those on the first side.
+
+    Each facet occurs twice, once per adjacent cell, as a row of node indices.
+    """
     cells, places = np.nonzero(np.isin(around.ids, facets))
     nodes = around.nodes(cells, places)
     number = np.unique(around.ids[cells, places], return_inverse=True)[1]

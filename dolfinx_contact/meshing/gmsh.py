@@ -43,7 +43,7 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
     """MeshTags with the names of their groups.
 
     Args:
-        tags: MeshTags.
+        tags: MeshTags of cells or facets.
         names: tags by group name.
     """
 
@@ -74,8 +74,8 @@ class GmshMesh(NamedTuple):
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
         names: dimension and tag by name, of groups of cells and facets. If a group of cells and a
-            group of facets have the same name, the entry belongs to the facets; the tags, `dx` and
-            `ds` know both.
+            group of facets have the same name, the entry belongs to the facets; ``cell_tags``,
+            ``facet_tags``, `dx` and `ds` contain both.
 
     Example:
         Parts of the boundary by their names::
@@ -114,7 +114,8 @@ class GmshMesh(NamedTuple):
     def bounds(self, name: str) -> Array:
         """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
-        For an empty group the bounds are infinity and minus infinity. Errors are as in `facets`.
+        For an empty group the lower bounds are infinity and the upper bounds minus infinity. Errors
+        are as in `facets`.
         """
         facets = self.facets(name)
         dim = self.facet_tags.dim
@@ -191,7 +192,7 @@ def named_mesh(domain: mesh.Mesh, cells: NamedTags, facets: NamedTags) -> GmshMe
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Return tags with names; MeshTags get the names of the groups of their dimension."""
+    """Return tags with names; MeshTags are combined with the names for their dimension."""
     if isinstance(tags, NamedTags):
         return tags
     return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
@@ -257,15 +258,16 @@ def mesh_from_gmsh(
     Args:
         comm: communicator of the mesh.
         draw: function that makes a mesh with physical groups in the current, empty gmsh model;
-            called on rank 0 only. All parts with one name must be in one group.
+            called on rank 0 only. All entities with the same name must be in one physical group.
         dim: see `read_mesh`.
         groups: see `read_mesh`.
 
     Raises:
-        ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical groups,
-            none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
-            overlap, the cells are of several kinds, a plane mesh is not in the plane, or arguments
-            differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` reach every rank.
+        ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical group,
+            no group of the highest dimension, or not all ``groups``; if groups of cells or of
+            facets overlap, the cells are of several kinds, a plane mesh is not in the plane, or
+            arguments differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` reach every
+            rank.
     """
     gmsh = optional("gmsh", "gmsh")
     with ExitStack() as session:
@@ -285,7 +287,8 @@ def draw_polygon(
     Args:
         corners: corners in order; the inside becomes the group ``body``.
         size: size of the cells.
-        sides: numbers of the sides by group name; side 0 leads from corner 0 to corner 1.
+        sides: indices of the sides in each group, by group name; side 0 leads from corner 0 to
+            corner 1.
 
     Example:
         ::
@@ -308,7 +311,7 @@ def draw_polygon(
 
 @contextmanager
 def empty_model(gmsh: Any) -> Iterator[Any]:
-    """Return an empty gmsh model; an open session of the caller keeps its own models."""
+    """Context manager: empty gmsh model; models in an open session of the caller remain."""
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -342,7 +345,7 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
-    """Return the mesh of a model on rank 0. Collective."""
+    """Distribute the mesh of a gmsh model on rank 0. Collective."""
     named: list[dict[str, int]] = []
     body = 0
     if comm.rank == 0:
@@ -362,7 +365,7 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
 def _warn_of_lost_names(model: Any) -> None:
     """Warn about groups without a name if others of their dimension have one. On rank 0.
 
-    gmsh drops a name that it is given twice in one dimension, as for the arcs of a circle.
+    gmsh drops a name that is assigned twice in one dimension, for example to two arcs of a circle.
     """
     for dim in range(1, 4):
         tags = _groups(model, dim)
@@ -377,7 +380,7 @@ def _warn_of_lost_names(model: Any) -> None:
 
 
 def _groups(model: Any, dim: int) -> dict[int, str]:
-    """Return the names of the groups of a dimension, "" without a name, by tag. On rank 0."""
+    """Return the group names of a dimension by tag; "" for unnamed groups. On rank 0."""
     return {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
 
 

@@ -35,10 +35,10 @@ def name_groups(
     *,
     cells: str = "body",
 ) -> GmshMesh:
-    """Return a mesh with named groups of facets, as if it came from gmsh. Collective.
+    """Return a mesh with named groups of facets, like a mesh read from gmsh. Collective.
 
     Args:
-        domain: mesh.
+        domain: mesh of the bodies.
         facets: groups by name: local indices of facets, or a function of the coordinates (3, n)
             returning a mask of points, as for ``mesh.locate_entities_boundary``, which selects
             facets of the boundary.

@@ -34,15 +34,15 @@ __all__ = ["TaggedMesh", "WholeMesh", "distributed", "gathered", "join", "tagged
 
 @dataclass(frozen=True)
 class WholeMesh:
-    """A mesh and its groups.
+    """Mesh with groups as arrays on rank 0, in the order of the input.
 
     Attributes:
-        cells: nodes of the cells in the order of DOLFINx, shape (cells, k).
+        cells: nodes of the cells in the order of DOLFINx, shape (cells, nodes per cell).
         x: coordinates, shape (nodes, dim).
-        tagged_cells: numbers of the cells with a tag.
+        tagged_cells: indices of the cells with a tag.
         cell_values: tags of these cells.
         cell_names: tags of groups of cells, by name.
-        facets: nodes of the facets with a tag, shape (facets, k).
+        facets: nodes of the facets with a tag, shape (facets, nodes per facet).
         facet_values: tags of these facets.
         facet_names: tags of groups of facets, by name.
     """
@@ -58,7 +58,7 @@ class WholeMesh:
 
 
 class TaggedMesh(NamedTuple):
-    """A mesh and its tags.
+    """DOLFINx mesh with MeshTags.
 
     Attributes:
         mesh: mesh.
@@ -106,11 +106,11 @@ def tagged(body: Any, cell_tags: Any, facet_tags: Any, what: str) -> TaggedMesh:
 
 
 def gathered(body: TaggedMesh, tag: int | None = None) -> WholeMesh | None:
-    """Return a mesh on rank 0, None on other ranks. Collective.
+    """Gather a mesh with its groups on rank 0; return None on other ranks. Collective.
 
     Args:
         body: mesh and its tags.
-        tag: tag of all cells of a mesh without tags of cells; default: none.
+        tag: tag assigned to all cells if the mesh has no cell tags; default: none.
 
     Raises:
         ValueError: on every rank, if the cells are curved.
@@ -170,7 +170,7 @@ def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
 
 
 def distributed(comm: MPI.Comm, whole: WholeMesh | None, element: Any) -> GmshMesh:
-    """Return the distributed mesh with its groups. Collective.
+    """Distribute a mesh with its groups from rank 0. Collective.
 
     Args:
         comm: communicator.
@@ -233,8 +233,8 @@ def join(
 
     Args:
         meshes: meshes with the same dimension and kind of cells, each on all ranks.
-        prefixes: one prefix per mesh for the names of its groups, which keeps groups of the same
-            name apart: ``("upper_", "lower_")``; default: none.
+        prefixes: one prefix per mesh for the names of its groups, such as ``("upper_", "lower_")``.
+            With different prefixes, groups of the same name are not merged. Default: none.
         cell_tags: cell tags of every mesh; default: its groups of cells; for a mesh without groups,
             1 for the cells of the first body, 2 for those of the second, and so on.
         facet_tags: facet tags of every mesh; default: its groups of facets.
@@ -253,7 +253,7 @@ def join(
 
 
 def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | None:
-    """Return the mesh of all parts; None without any.
+    """Return the union of the meshes; None if there are no meshes on this rank.
 
     Args:
         parts: meshes of the parts.
@@ -278,11 +278,11 @@ def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | 
 def _merged(
     parts: Sequence[tuple[Indices, Mapping[str, int]]], prefixes: Sequence[str]
 ) -> tuple[Indices, dict[str, int]]:
-    """Return the tags of the entities of all parts, and the tags by name.
+    """Return the tags of the entities of all meshes, and the tag of each group by name.
 
     Args:
-        parts: tags of the entities, and tags by name, of every part.
-        prefixes: prefix of the names of every part.
+        parts: for each mesh, the tags of its entities and the tag of each group by name.
+        prefixes: for each mesh, the prefix of the names of its groups.
     """
     unnamed = [np.setdiff1d(values, list(names.values())) for values, names in parts]
     taken = set(np.concatenate(unnamed).tolist())

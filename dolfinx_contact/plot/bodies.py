@@ -69,10 +69,10 @@ def picture_of_body(
 ) -> Drawing | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
 
-    The bodies fill the picture, and an obstacle larger than them may be cut at its frame. The rim
-    of a slave surface is thick, that of a master thin. A plane is drawn as a rectangle below the
-    body. Another obstacle that is much larger than the body is drawn only around it. Obstacles
-    between the viewer and the body are transparent.
+    The bodies fill the picture; a larger obstacle may be cut off at the edge of the picture. The
+    rim of a slave surface is drawn as a thick line, the rim of a master surface as a thin line. A
+    plane is drawn as a rectangle below the body. Other obstacles that are much larger than the body
+    are drawn only near it. Obstacles between the viewer and the body are transparent.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg`` (in 3D the latter two contain an image); None writes
@@ -81,9 +81,9 @@ def picture_of_body(
         state: state to draw, default the current Functions.
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), or one for each cell tag as in
             `write_fields`. The colours are the von Mises stress, averaged to the vertices.
-        scale: factor of the displacement and of the motion of obstacles, default 1; other factors
-            are added to the title. The initial gap is not magnified: a warning is logged if the
-            body is drawn through an obstacle.
+        scale: factor by which the displacement and the motion of obstacles are multiplied, default
+            1; a factor other than 1 is added to the title. The initial gap is not magnified. If the
+            magnified body therefore overlaps an obstacle in the picture, a warning is logged.
         title: title of the picture; default: "Deformed body", with the time or load of the state.
         **look: field, view, clip, arrows, region, edges, units: see `Look`.
 
@@ -159,7 +159,7 @@ def _draw_2d(scene: Scene, width: int) -> Figure:
 
 
 def _draw_body(axes: Axes, scene: Scene) -> Any:
-    """Draw bodies, obstacles and rims; return the colours of the field."""
+    """Draw bodies, obstacles and rims; return the coloured matplotlib object for a colour bar."""
     from matplotlib.collections import LineCollection, PathCollection, PolyCollection
     from matplotlib.path import Path
 
@@ -214,7 +214,7 @@ def _check_states(a: Arguments) -> None:
 
 
 def _loads(a: Arguments) -> dict[str, Any]:
-    """Return gamma and time of the points, to compare the points between ranks."""
+    """Return gamma and time of each point, by which the points are compared between ranks."""
     loads = [[getattr(point, name, None) for name in ("gamma", "time")] for point in a.points]
     return {"points": loads}
 
@@ -232,9 +232,10 @@ def picture_of_states(
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        system: system of the points, whose Functions hold the last point afterwards; or problem of
-            the states.
-        points: points of branches, or `Solutions.found`; for a problem its states or steps.
+        system: system to which the points belong, whose Functions contain the last point
+            afterwards; or the contact problem, if states are drawn.
+        points: points of branches or `Solutions.found` of a system; states or evolution steps of a
+            contact problem.
         titles: titles of the panels, default gamma or the time, and the numbers of points of each
             status.
         scale: factor of the displacement, default 1.
@@ -245,8 +246,8 @@ def picture_of_states(
     Raises:
         ModuleNotFoundError: on every rank, if matplotlib is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
-        ValueError: on every rank, if the body is not 2D, there is no point or one of another
-            kind, the scale is not finite, or arguments differ between ranks.
+        ValueError: on every rank, if the body is not 2D, there are no points, a point has another
+            type, the scale is not finite, or arguments differ between ranks.
     """
     optional("matplotlib", "pictures")
     scenes = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Curves over one axis or over directions, and charts of two parameters."""
+"""Pictures of curves in Cartesian or polar axes, and charts over two parameters."""
 
 from __future__ import annotations
 
@@ -37,11 +37,12 @@ def draw_curves(
     title: str | None = None,
     loglog: bool = False,
 ) -> Axes:
-    """Draw curves over one axis. Not collective.
+    """Draw curves in Cartesian axes. Not collective.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        curves: lines by name. Names beginning with an underscore are not in the legend.
+        curves: abscissae and ordinates of lines, by name. Names beginning with an underscore are
+            not in the legend.
         marks: curves drawn as points, by name.
         dotted: reference curves, drawn black and dotted or dashed, by name.
         labels: labels of the axes, TeX between dollars.
@@ -74,7 +75,7 @@ def draw_curves(
 def draw_polar(
     file: File, curves: Mapping[str, Curve], *, title: str | None = None, label: str = ""
 ) -> Axes:
-    """Draw closed curves over a circle of directions. Not collective.
+    """Draw closed curves in polar axes: radii over angles from 0 to 2 pi. Not collective.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
@@ -100,7 +101,7 @@ def draw_polar(
 
 
 def _new_axes(curves: Any, size: tuple[float, float], **options: Any) -> Axes:
-    """Return axes for curves with names, in a new figure with one colour after the other."""
+    """Return the axes of a new figure, with a sequence of distinct colours for the curves."""
     if not isinstance(curves, Mapping):
         got = type(curves).__name__
         raise ValueError(f"curves must be a dictionary of curves by name, got a {got}")
@@ -127,11 +128,11 @@ def draw_chart(
     labels: tuple[str, str] = ("", ""),
     title: str | None = None,
 ) -> Axes:
-    """Draw the solutions over two parameters. Not collective.
+    """Draw a chart of the number of solutions over two parameters. Not collective.
 
-    Each cell has the colour of its number of solutions or, with ``names``, of its set of statuses.
-    Cells without a proof of the number are hatched: there are at least this many solutions. Curves
-    of folds are thick, curves of events thin, and a dot marks a cusp.
+    Each cell is coloured by its number of solutions or, with ``names``, by its set of statuses.
+    Cells in which the number is not proved are hatched; they have at least this many solutions.
+    Curves of folds are thick, curves of events thin, and a dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.

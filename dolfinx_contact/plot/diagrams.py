@@ -55,9 +55,9 @@ def draw_diagram(
     """Draw branches. Not collective.
 
     The upper part shows the functionals over gamma with folds and bifurcations. The lower part has
-    a strip for each of the first branches over the distance along the branch, in units of steps:
-    the status of every contact point, numbered from 0 in the order of coordinates, or the numbers
-    of points of each status if there are more than 60 points.
+    one strip for each of the first branches. It shows the status of every contact point over the
+    distance along the branch, in units of steps. Points are numbered from 0 in the order of
+    coordinates. With more than 60 points, the number of points of each status is shown instead.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
@@ -68,9 +68,10 @@ def draw_diagram(
         names: names of the branches in the legend, default the statuses at the last point.
         title: title of the diagram.
         parameter: label of gamma.
-        strips: largest number of branches with a strip, default 4.
-        proved: solutions at values of gamma (`find_solutions`, `analysis.prove_counts`), drawn as
-            dotted lines with the number of solutions and whether it is proved.
+        strips: largest number of strips, default 4.
+        proved: results of `find_solutions` or `analysis.prove_counts` at values of gamma. Each is
+            drawn as a dotted line that is labelled by the number of solutions and whether the
+            number is proved.
 
     Returns:
         The figure. Its first axes contain the functionals, the others the strips.
@@ -120,7 +121,7 @@ def draw_diagram(
 def _labels(
     journal: Journal, branch: int, functional: str | Sequence[str] | Mapping[str, str]
 ) -> Mapping[str, str]:
-    """Return the labels of the drawn columns by name.
+    """Return the labels of the columns to be drawn, by name of the column.
 
     Raises:
         ValueError: if one of them is not a numeric column of the branch.
@@ -149,11 +150,11 @@ def _draw_functional(
     """Draw a functional over gamma: a triangle marks the start of a branch, a square its end.
 
     Args:
-        axes: axes.
+        axes: axes in which the functional is drawn.
         journal: journal of the branches.
         name: column of the functional.
         branches: names of the branches by their numbers.
-        solutions: solutions at values of gamma.
+        solutions: results of `find_solutions` or `analysis.prove_counts`, see `draw_diagram`.
     """
     special: dict[tuple[str, bool], list[tuple[float, float]]] = {}
     for i, (branch, word) in enumerate(branches.items()):

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid obstacles as they are drawn.
+"""Surfaces of rigid obstacles in pictures.
 
-Obstacles with facets are drawn as they are. Any other obstacle with a formula is drawn as the
-contour gap = 0 on a grid: the whole of it if it is not much larger than the bodies, otherwise the
-part around them. An obstacle that is not known everywhere is drawn opposite to the contact surface.
+For obstacles with facets, the facets are drawn. Other obstacles given by a formula are drawn as the
+contour gap = 0 on a grid, as a whole if they are not much larger than the bodies, otherwise only
+near the bodies. An obstacle whose gap is only defined on the contact surface is drawn as the points
+opposite to this surface.
 """
 
 from __future__ import annotations
@@ -44,15 +45,16 @@ _DEPTH = 0.1  # depth of the inside of a plane
 
 @dataclass(frozen=True)
 class DrawnObstacle:
-    """A rigid obstacle, as it is drawn.
+    """Facets that represent a rigid obstacle in a picture.
 
     Attributes:
         x: coordinates of its vertices, shape (m, dim).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle, shape (m, dim).
-        is_opposite: True if the vertices are opposite to those of a contact surface.
-        formula: formula from which the obstacle is still to be extracted, if there is one.
-        inside: in 2D its inside, as points and codes of matplotlib paths; () for a thin band.
+        is_opposite: whether each vertex is the point opposite to a vertex of a contact surface.
+        formula: formula from which `around` extracts the facets; None if the facets are final.
+        inside: in 2D the interior of the obstacle, as points and codes of matplotlib paths; () if
+            the obstacle is drawn as a thin band.
     """
 
     x: Array
@@ -63,7 +65,7 @@ class DrawnObstacle:
     inside: Sequence[tuple[Array, npt.NDArray[np.uint8]]] = ()
 
     def around(self, points: Array) -> DrawnObstacle:
-        """Return the obstacle as it is drawn around points (n, dim). Not collective."""
+        """Return the facets of the obstacle near points, shape (n, dim). Not collective."""
         if self.formula is None:
             return self
         low, high = points.min(axis=0), points.max(axis=0)
@@ -88,8 +90,8 @@ def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
     Facets of the obstacle itself are returned on every rank, any others on rank 0 only.
 
     Args:
-        s: contact surface.
-        scale: factor of the motion of the obstacle.
+        s: contact surface whose obstacle is drawn.
+        scale: factor by which the motion of the obstacle is multiplied.
     """
     face, formula = obstacle_facets(s), _formula_of(s, scale)
     if not face:
@@ -107,7 +109,8 @@ class _Formula:
     Args:
         domain: mesh of the bodies.
         gap_and_normal: UFL vector without Functions.
-        motion: displacements of the obstacle at the origin and at the ends of the unit vectors.
+        motion: displacements of the rigid obstacle at the origin and at the end points of the unit
+            vectors, which define its motion.
         axisymmetric: whether the obstacle is drawn for x >= 0 only.
     """
 
@@ -126,7 +129,7 @@ class _Formula:
         self._turned = np.eye(dim) + motion[1:] - motion[0]
 
     def _at(self, x: Array) -> tuple[Array, Array]:
-        """Return gaps (n,) and unit normals (n, dim) at points (n, dim)."""
+        """Return gaps, shape (n,), and unit normals, shape (n, dim), at points, shape (n, dim)."""
         self._values.x = (x - self._moved) @ np.linalg.pinv(self._turned)
         both = self._values()["both"]
         return both[:, 0], unit(both[:, 1:] @ self._turned)
@@ -150,7 +153,7 @@ class _Formula:
 
 
 def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
-    """Return the formula of an obstacle; None if it has facets or is not known everywhere.
+    """Return the formula of an obstacle; None if it has facets or no gap in all of space.
 
     Collective; arguments as of `obstacle_of`.
     """
@@ -167,7 +170,7 @@ def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
 
 
 def _curves(axes: Array, gap: Array) -> DrawnObstacle:
-    """Return the curves gap = 0 on a grid in 2D, and the inside gap < 0."""
+    """Return the curves gap = 0 on a grid in 2D, and the interior gap < 0."""
     from contourpy import contour_generator
 
     contours: Any = contour_generator(axes[:, 0], axes[:, 1], gap.T, fill_type="OuterCode")

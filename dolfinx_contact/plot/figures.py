@@ -56,7 +56,7 @@ _FINEST = 3  # number of times that an edge of a cell is halved in it
 
 
 def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure:
-    """Return an empty figure without a window.
+    """Return an empty matplotlib figure that is not shown in a window.
 
     Args:
         size: width and height in inches.
@@ -92,7 +92,7 @@ def save(drawing: Drawing, file: File) -> None:
 
 
 def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Drawing | None:
-    """Draw and write on rank 0, whose error is raised on every rank. Collective.
+    """Draw and write on rank 0; raise an error of rank 0 on every rank. Collective.
 
     Returns:
         The drawing on rank 0, None on other ranks.
@@ -111,12 +111,12 @@ def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Dr
 
 
 def title_of(*parts: str) -> str:
-    """Return a title of the parts that are not empty."""
+    """Join the parts of a title that are not empty."""
     return ", ".join(filter(None, parts))
 
 
 def words_of(state: State | None) -> str:
-    """Return the load or the time of a state for a title; "" if there is none."""
+    """Describe the load or the time of a state, for a title; "" if it has neither."""
     if state is None or (state.gamma is None and state.time is None):
         return ""
     return f"time {state.time:.4g}" if state.gamma is None else f"gamma {state.gamma:.4g}"
@@ -136,7 +136,7 @@ def add_status_legend(
     """Add a legend with the statuses of contact points below a figure.
 
     Args:
-        figure: figure.
+        figure: figure to which the legend is added.
         letters: letters of all points.
         names: names of the letters.
         title: title of the legend.
@@ -154,12 +154,12 @@ def add_status_legend(
 
 
 def around(cells: Cells) -> Cells:
-    """Return vertices of segments, triangles or quadrilaterals in the order around the cell."""
+    """Reorder the vertices of each cell (segment, triangle, quadrilateral) along its boundary."""
     return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
 
 
 def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
-    """Return whether the edges of cells are so far apart that they do not hide the colours.
+    """Return whether cells are large enough that their edges do not hide the colours.
 
     Args:
         x: positions of the vertices.
@@ -174,11 +174,11 @@ def draw_edges(axes: Axes, x: Array, cells: Cells, width: float, alpha: float) -
     """Draw the edges of triangles or quadrilaterals in 2D.
 
     Args:
-        axes: axes.
+        axes: axes in which the edges are drawn.
         x: positions of the vertices, shape (n, 2).
         cells: vertices of the cells.
         width: line width; 0 for no edges.
-        alpha: opacity.
+        alpha: opacity of the lines.
     """
     from matplotlib.collections import PolyCollection
 
@@ -187,14 +187,15 @@ def draw_edges(axes: Axes, x: Array, cells: Cells, width: float, alpha: float) -
 
 
 def shade(axes: Axes, x: Array, cells: Cells, values: npt.NDArray[Any], **look: Any) -> Any:
-    """Draw a field on triangles or quadrilaterals in 2D, and return its colours.
+    """Colour 2D cells by a field; return the matplotlib object for a colour bar.
 
-    Matplotlib interpolates colours, which on coarse meshes are not those of the colour bar. So the
-    field is interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, since a
-    diagonal would make a symmetric field asymmetric.
+    The cells are triangles or quadrilaterals. Matplotlib interpolates colours instead of values,
+    which on coarse meshes gives colours that are not in the colour bar. The field is therefore
+    interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, because division by
+    a diagonal would make a symmetric field asymmetric.
 
     Args:
-        axes: axes.
+        axes: axes in which the field is drawn.
         x: positions of the vertices, shape (n, 2).
         cells: vertices of the cells.
         values: field at the vertices, shape (n,).

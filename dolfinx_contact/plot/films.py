@@ -96,7 +96,8 @@ def film(
             generator that sets the displacement of the problem and yields a text for the title.
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
         scale: factor of the displacement, default 1; see `picture_of_body`.
-        title: title, before the time or the load of a state, or its text.
+        title: title of the film, followed in each frame by the time or load of the state, or by the
+            text that the generator yields.
         rate: frames per second, default 10.
         size: largest width and height of a frame in pixels, default 900.
         **look: field, view, clip, arrows, region, edges, units: see `Look`. Without a stress and
@@ -111,8 +112,9 @@ def film(
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         RuntimeError: on every rank, if VTK needs a display in 3D and there is none.
         TypeError: on every rank, if an option does not exist.
-        ValueError: on every rank, for another suffix, a rate out of 0.01 to 1000, a size below 300,
-            no states, a displacement that is not finite, or arguments differing between ranks.
+        ValueError: on every rank, if the suffix is not supported, the rate is not between 0.01 and
+            1000, the size is below 300, there are no states, a displacement is not finite, or
+            arguments differ between ranks.
 
     Example:
         ::
@@ -152,10 +154,11 @@ def film_of_contact(
 ) -> Path:
     """Write a film of pressure, shear and status of a contact surface. Collective.
 
-    All frames have the same axes and colours, and show the part that touches in any of them.
+    All frames have the same axes and colours, and show the part of the surface that is in contact
+    in at least one frame.
 
     Args:
-        file: see `film`, like the following arguments.
+        file: see `film`.
         problem: see `film`.
         states: see `film`.
         surface: see `picture_of_contact`.
@@ -199,7 +202,8 @@ def _shots(
         problem: see `film`.
         states: see `film`.
         title: see `film`.
-        gather: function of a problem in a state and of the title of the frame.
+        gather: function of the problem, whose Functions contain a state, and of the title of the
+            frame; it returns the data of the frame.
     """
     comm = problem.comm
     before = problem.u.x.array.copy()
@@ -219,7 +223,7 @@ def _shots(
 
 
 def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
-    """Iterate over states, or the states of steps; raise errors on every rank. Collective."""
+    """Yield the states or texts of a film; raise errors on every rank. Collective."""
     iterator = iter(states.steps if isinstance(states, History) else states)
     end = object()
     while True:
@@ -260,7 +264,10 @@ def _written(
 
 
 def _pixels(drawing: Drawing, size: int) -> npt.NDArray[np.uint8]:
-    """Return the image (height, width, 3) of a figure or plotter, with even height and width."""
+    """Return a figure or plotter as an image, shape (height, width, 3).
+
+    Height and width are even.
+    """
     if hasattr(drawing, "canvas"):
         drawing.set_dpi(size / max(drawing.get_size_inches()))
         drawing.canvas.draw()

@@ -86,14 +86,15 @@ def _draw_body(
     every: bool,
     ahead: Array,
 ) -> None:
-    """Draw bodies in the colours of a field or of their connected parts, with edges.
+    """Draw bodies with edges, coloured by a field or by connected part.
 
     Args:
-        plotter: plotter.
+        plotter: plotter to which the bodies are added.
         scene: bodies and obstacles.
         section: plane of the section.
-        every: whether the edges of all cells are drawn, or sharp ones and those of the section.
-        ahead: translation of the edges to the eye, so that they are in front of the facets.
+        every: whether the edges of all cells are drawn; otherwise only sharp edges and edges of the
+            section.
+        ahead: vector by which edges are moved towards the viewer, so that facets do not hide them.
     """
     values, colours, ends = scene.colours()
     whole = (_facets if section is None else _solid)(scene.x, scene.cells)
@@ -118,7 +119,7 @@ def _draw_body(
 
 
 def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) -> None:
-    """Add the colour bar of the last mesh, with round numbers."""
+    """Add a colour bar with round numbers for the mesh that was drawn last."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = ends
@@ -180,7 +181,7 @@ def _solid(x: Array, cells: Cells) -> Any:
 
 
 def _edges(cells: Any, every: bool) -> Any:
-    """Return the edges of cells: every one, or sharp ones and those of the boundary."""
+    """Return the edges of cells: all (``every``), or only sharp edges and boundary edges."""
     if every:
         return cells.extract_all_edges()
     return cells.extract_feature_edges(feature_angle=_SHARP, **_RIM)
@@ -198,7 +199,7 @@ def _section(scene: Scene) -> Plane | None:
 
 
 def _hide(plotter: pv.Plotter, planes: Sequence[Plane]) -> None:
-    """Hide the parts of all meshes on the side of the normals of planes."""
+    """Hide the parts of all meshes that lie on the positive side of any of the planes."""
     hidden = vtkPlaneCollection()
     for point, normal in planes:
         plane = vtkPlane()
@@ -214,7 +215,10 @@ def _hide(plotter: pv.Plotter, planes: Sequence[Plane]) -> None:
 
 
 def _default_eye(scene: Scene) -> Array:
-    """Return the unit vector from the body to the eye: obliquely from above, into a section."""
+    """Return the default unit vector from the body to the viewer.
+
+    The view is obliquely from above; with a section, onto the cut.
+    """
     wide, deep, _ = np.ptp(scene.x, axis=0)
     along = np.eye(3)[int(deep > 1.1 * wide)]
     oblique = 0.5 * along - np.cross(_UP, along) + 0.33 * _UP
@@ -225,10 +229,10 @@ def _default_eye(scene: Scene) -> Array:
 
 
 def _set_camera(plotter: pv.Plotter, scene: Scene, frame: Array, width: float) -> float:
-    """Let the visible points fill the picture; return the number of pixels per length.
+    """Place the camera so that the bodies fill the picture; return the pixels per length.
 
     Args:
-        plotter: plotter.
+        plotter: plotter whose camera is placed.
         scene: bodies and obstacles.
         frame: unit vectors to the right, upwards and towards the viewer, shape (3, 3).
         width: largest width of the picture in pixels.
@@ -253,7 +257,7 @@ def _set_camera(plotter: pv.Plotter, scene: Scene, frame: Array, width: float) -
 
 
 def _draw_scale(plotter: pv.Plotter, unit_of_length: str, frame: Array, pixels: float) -> None:
-    """Draw a bar of a round length in front of everything at the lower right.
+    """Draw a scale bar with a round length at the lower right, in front of everything.
 
     Args:
         plotter: plotter with its camera.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Scenes: bodies and obstacles in one state, as they are drawn, gathered on rank 0."""
+"""Scenes: data of a picture of bodies and obstacles in one state, gathered on rank 0."""
 
 from __future__ import annotations
 
@@ -64,18 +64,19 @@ class Look(TypedDict, total=False):
             discontinuous fields are averaged at the vertices; values that are not finite are grey.
             The default is the von Mises stress if there is a stress, otherwise no field.
         view: direction from the body to the viewer, in 3D: an axis such as ``"-y"``, or a vector.
-        clip: plane of a section, in 3D: its normal (then the plane passes through the middle of the
-            bodies or of the region), or a point and a normal. The part on the side of the normal is
-            not drawn, and the default view is from that side: x points to the right with ``"-y"``,
-            to the left with ``"y"``.
+        clip: plane of a section, in 3D: its normal, or a point and a normal. Without a point, the
+            plane passes through the middle of the bodies or of the region. The part on the side to
+            which the normal points is not drawn, and the default view is from that side: x points
+            to the right with ``"-y"``, to the left with ``"y"``.
         arrows: arrows by name, each a point and a vector, such as a load or the direction of
             drag. The longest arrow of each name has the same length in the picture, and the legend
             gives its magnitude.
         region: opposite corners of the box that fills the picture, to enlarge a detail, shape
             (2, dim); default: bodies and obstacles.
-        edges: whether the edges of the cells are drawn; default: if they are not too dense.
-        units: units of "length" and "stress" in the labels, such as ``{"length": "mm", "stress":
-            "MPa"}``; default: none.
+        edges: whether the edges of the cells are drawn; default: only if the cells are large enough
+            in the picture.
+        units: names of the units in the labels, such as ``{"length": "mm", "stress": "MPa"}``;
+            default: none.
     """
 
     field: Any
@@ -112,22 +113,24 @@ class View:
 
 @dataclass(frozen=True)
 class Scene:
-    """Bodies and obstacles in one state, as they are drawn.
+    """Data of a picture of bodies and obstacles in one state.
 
     Attributes:
         x: coordinates of the displaced vertices, shape (n, dim).
-        cells: vertices of the cells in 2D or for a section, otherwise of the boundary facets.
+        cells: vertices of all cells in 2D or if there is a section; otherwise vertices of the
+            boundary facets.
         slaves: vertices of the facets of each contact surface.
-        masters: vertices of the facets of each opposite surface of a pair.
-        obstacles: rigid obstacles.
+        masters: vertices of the facets of the master surface of each pair.
+        obstacles: facets of the rigid obstacles.
         values: field at the vertices, shape (n,); None without a field.
         label: label of the field.
         title: title of the picture.
         view: options of the picture.
-        points: positions of the contact points of tables that are vertices, shape (m, dim).
-        letters: letters of their statuses.
+        points: positions of the drawn contact points, shape (m, dim); only of surfaces whose
+            contact points are vertices.
+        letters: status letters of these points.
         visible: points that must be visible, shape (k, dim); see `framed`.
-        limits: ends of the colours of the field; see `framed`.
+        limits: smallest and largest field value of the colour map; see `framed`.
     """
 
     x: Array
@@ -145,9 +148,10 @@ class Scene:
     limits: tuple[float, float] = (0.0, 1.0)
 
     def colours(self) -> tuple[npt.NDArray[Any], Any, tuple[float, float]]:
-        """Return values at the vertices, their colour map, and the ends of the colours.
+        """Return values at the vertices, their colour map, and its smallest and largest value.
 
-        Without a field, the values are numbers of tints of connected parts.
+        Without a field, connected parts have different tints, and the values are the indices of the
+        tints.
         """
         from matplotlib import colormaps
         from matplotlib.colors import ListedColormap
@@ -159,16 +163,16 @@ class Scene:
         return tints, ListedColormap(_TINTS), (-0.5, len(_TINTS) - 0.5)
 
     def shows_edges(self, pixels: float) -> bool:
-        """Return whether the edges of the cells are drawn, given the pixels per length."""
+        """Return whether to draw the edges of the cells, for a number of pixels per length."""
         edges = self.view.edges
         return are_distinct(self.x, self.cells, pixels) if edges is None else edges
 
 
 def framed(scenes: Sequence[Scene]) -> list[Scene]:
-    """Return scenes with the same frame and colours, and with obstacles drawn around all bodies.
+    """Return scenes with the same frame and colours, and with the visible part of obstacles.
 
-    The bodies fill the picture. Obstacles of their size are visible as a whole, larger ones in a
-    rim around the bodies. The longest arrow of each name has the same length.
+    The bodies of all scenes fill the picture. Obstacles of similar size are visible completely,
+    larger obstacles only near the bodies. The longest arrow of each name has the same length.
     """
     x = np.concatenate([scene.x for scene in scenes])
     low, high = x.min(axis=0), x.max(axis=0)
@@ -201,7 +205,7 @@ def framed(scenes: Sequence[Scene]) -> list[Scene]:
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Return the smallest and largest finite value, made different."""
+    """Return the smallest and largest finite value; the latter is increased if they are equal."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     low = 0.0 if abs(low) < 1e-9 * high else low  # no digits of round-off at a bar
@@ -218,7 +222,7 @@ def check_units(units: Mapping[str, str] | None) -> None:
 
 
 def check_look(function: Any, look: Mapping[str, Any]) -> None:
-    """Raise ``TypeError`` if a function of pictures has no option of a name."""
+    """Raise ``TypeError`` if a name is an option of neither ``function`` nor `Look`."""
     options = [*unwrap(function).__kwdefaults__, *Look.__annotations__]
     for name in look:
         if name not in options:
@@ -227,7 +231,7 @@ def check_look(function: Any, look: Mapping[str, Any]) -> None:
 
 
 def _view_of(look: Mapping[str, Any], domain: mesh.Mesh) -> View:
-    """Validate the options of a picture."""
+    """Validate the options of a picture and return them as a `View`."""
     dim = domain.geometry.dim
     field, view, clip = look.get("field"), look.get("view"), look.get("clip")
     region, edges, units = look.get("region"), look.get("edges"), look.get("units") or {}
@@ -253,14 +257,14 @@ def _view_of(look: Mapping[str, Any], domain: mesh.Mesh) -> View:
 
 
 def _direction(value: Any, name: str) -> Array:
-    """Return a unit vector."""
+    """Return the unit vector for an axis name or a vector given by the user."""
     if isinstance(value, str):
         return _AXES[one_of(value, name, _AXES)]
     return unit(vector(value, name, 3, zero=False))
 
 
 def _plane(clip: Any) -> tuple[Array | None, Array]:
-    """Return point and normal of a section."""
+    """Return a point (None for the middle) and the unit normal of a section."""
     pair = not isinstance(clip, str) and len(clip) == 2
     point, normal = clip if pair else (None, clip)
     at = None if point is None else vector(point, "the point of clip", 3)
@@ -276,7 +280,7 @@ def _box(region: Any, dim: int) -> Array:
 
 
 def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
-    """Return points and vectors of arrows, shape (2, k, dim)."""
+    """Return the start points and the vectors of k arrows, shape (2, k, dim)."""
     pair = np.broadcast_arrays(np.atleast_2d(points), np.atleast_2d(vectors))
     arrows = np.array(pair, dtype=np.float64)
     if arrows.shape[-1] != dim or not np.isfinite(arrows).all():
@@ -295,14 +299,14 @@ def scene_of(
     look: Look,
     tables: Iterable[ContactTable] = (),
 ) -> Scene | None:
-    """Gather bodies and obstacles at the present Functions. Collective.
+    """Gather bodies and obstacles in the current state of the Functions. Collective.
 
     Args:
         problem: contact problem.
         stress: see `picture_of_body`.
-        scale: factor of the displacement and of the motion of obstacles.
-        title: title of the picture, to which a factor other than 1 is added.
-        look: options with known names.
+        scale: factor by which the displacement and the motion of obstacles are multiplied.
+        title: title of the picture; a factor other than 1 is added to it.
+        look: options of the picture, see `Look`; their names have already been checked.
         tables: contact tables of the surfaces whose points are drawn.
 
     Returns:
@@ -349,13 +353,13 @@ def scene_of(
 def _warn_of_overlaps(
     obstacles: Mapping[str, DrawnObstacle], x: Array, slaves: Mapping[str, Cells], scale: float
 ) -> None:
-    """Warn if a magnified body is drawn through an obstacle.
+    """Warn if a magnified body overlaps an obstacle in the picture.
 
     Args:
-        obstacles: obstacles by the name of the contact surface.
+        obstacles: obstacles by name of the contact surface.
         x: positions of the displaced vertices, shape (n, dim).
         slaves: vertices of the facets of each contact surface, by name.
-        scale: factor of the displacement.
+        scale: factor by which the displacement is multiplied.
     """
     size = float(np.max(np.ptp(x, axis=0)))
     for name, o in obstacles.items():
@@ -367,13 +371,15 @@ def _warn_of_overlaps(
 def _points_at_vertices(
     body: Arrays, x: Array, slaves: Mapping[str, Cells], tables: Iterable[ContactTable]
 ) -> tuple[Array, str]:
-    """Return positions and letters of the contact points of surfaces whose points are vertices.
+    """Return positions and status letters of contact points that are vertices.
+
+    Surfaces whose contact points are not vertices are skipped.
 
     Args:
         body: gathered body, see `Outside.gather`.
         x: positions of its displaced vertices, shape (n, dim).
         slaves: vertices of the facets of each contact surface, by name.
-        tables: contact tables.
+        tables: contact tables of the surfaces whose points are drawn.
     """
     points: list[Array] = [np.zeros((0, x.shape[1]))]
     letters = ""
@@ -389,7 +395,9 @@ def _points_at_vertices(
 def _field_at_vertices(
     problem: ContactProblem, outside: Outside, stress: Any, view: View
 ) -> tuple[str, dict[str, Array]]:
-    """Return the label of the field, and its values at the local vertices as "field". Collective.
+    """Return the label of the field, and a dictionary with its local vertex values.
+
+    The key of the values is "field". Collective.
 
     Values that are not finite are NaN. Without a field, the dictionary is empty.
     """

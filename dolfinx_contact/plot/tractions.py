@@ -67,7 +67,7 @@ _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible 
 
 
 def check_surface(a: Arguments) -> None:
-    """Raise ``ValueError`` if the surface, ``over`` or units do not fit the problem."""
+    """Raise ``ValueError`` if the surface, ``over`` or ``units`` are invalid for the problem."""
     check_units(a.units)
     if a.surface is not None and not any(a.surface is s for s in a.problem.surfaces):
         name = getattr(a.surface, "name", a.surface)
@@ -91,20 +91,21 @@ def picture_of_contact(
 ) -> Figure | None:
     """Draw pressure, shear and status of a contact surface. Collective.
 
-    In 3D there are two maps of the surface, projected along the coordinate axis closest to its mean
-    normal where it touches. In 2D the tractions and the friction bound are drawn over the
-    coordinate of a straight surface, and over the arc length of a curved one; for a law with bonds
-    also the frictional part of the shear, to which the bound applies. The shear has the sign of
-    `ContactTable.along`: it is along t = (-n_y, n_x), which points to -x below an obstacle.
+    In 3D there are two maps of the surface, projected along the coordinate axis that is closest to
+    the mean normal of the part in contact. In 2D the tractions and the friction bound are drawn
+    over the coordinate of a straight surface, and over the arc length of a curved one. For a law
+    with bonds, the frictional part of the shear, to which the bound applies, is drawn as well. As
+    in `ContactTable.along`, the shear is positive along t = (-n_y, n_x), which points to -x below
+    an obstacle.
 
-    The picture is limited to the part of the surface that touches or carries a traction, and its
-    surroundings. Statuses and values are those of the vertices (`ContactProblem.contact_fields`);
-    the legend counts the vertices in the picture.
+    The picture is limited to the part of the surface that is in contact or carries a traction, with
+    a margin. Statuses and values are those of the vertices (`ContactProblem.contact_fields`); the
+    legend counts the vertices in the picture.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg``; None writes nothing.
         problem: contact problem, usually solved.
-        surface: contact surface of the problem, default the first.
+        surface: contact surface of the problem, default its first surface.
         state: state to draw, default the current Functions.
         over: coordinate of the horizontal axis, in 2D; default: the coordinate along a straight
             surface, otherwise the arc length.
@@ -145,8 +146,8 @@ def draw_contact(
 
     Args:
         data: state to draw, see `contact_data`.
-        frames: all states that are drawn with the same axes and colours.
-        s: contact surface.
+        frames: states for which the same axes and colours are used, for example in a film.
+        s: contact surface to draw.
         title: title of the picture.
         over: see `picture_of_contact`.
         units: see `picture_of_contact`.
@@ -170,9 +171,10 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
 
     Returns:
         The arrays of `gather_facets`, with ``pressure``, ``shear`` (in 2D its components along t),
-        ``bound``, the letters of the statuses, the normals ``n`` of the undeformed body, and the
-        mask ``touching`` of vertices that stick, slip or carry a traction; for a law with bonds
-        also the frictional part ``friction`` of the shear. An empty dictionary on other ranks.
+        the friction bound ``bound``, the status letters ``letters``, the normals ``n`` of the
+        undeformed body, and the mask ``touching`` of vertices that stick, slip or carry a traction;
+        for a law with bonds also the frictional part ``friction`` of the shear. An empty dictionary
+        on other ranks.
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
@@ -210,13 +212,13 @@ class _Frame:
     """A contact surface in the coordinates of a picture.
 
     Attributes:
-        surface: contact surface.
+        surface: drawn contact surface.
         x: positions of the vertices, shape (m, 1) along a curve and (m, 2) on a map.
         cells: vertices of the facets that are drawn.
         box: limits of the axes, shape (2, 1) or (2, 2).
-        labels: coordinates along the axes.
+        labels: names of the coordinates along the axes.
         data: state to draw, see `contact_data`.
-        every: all states that are drawn with the same axes and colours.
+        every: states for which the same axes and colours are used, for example in a film.
         units: units of "length" and "stress".
     """
 
@@ -234,7 +236,7 @@ class _Frame:
         return with_unit(self.labels[axis], self.units.get("length"))
 
     def stress(self, words: str) -> str:
-        """Return a label or a title for stresses."""
+        """Return ``words`` with the unit of stress, as a label or a title."""
         return with_unit(words, self.units.get("stress"))
 
     def shear(self) -> str:
@@ -243,7 +245,9 @@ class _Frame:
 
 
 def _limits(x: Array, data: Arrays) -> tuple[float, float]:
-    """Return the limits of an axis: facets with a touching vertex, or all facets, and a margin.
+    """Return the limits of an axis, with a margin around the part in contact.
+
+    Without contact, the limits include all facets.
 
     Args:
         x: positions of the vertices, shape (m,).
@@ -260,7 +264,7 @@ def _limits(x: Array, data: Arrays) -> tuple[float, float]:
 
 
 def _draw_curve(frame: _Frame) -> Figure:
-    """Draw the tractions over the position along a curve, or over a coordinate."""
+    """Draw the tractions over the arc length of a 2D surface, or over a coordinate."""
     at, data = frame.x[:, 0], frame.data
     axes = new_figure((8.6, 5.0)).add_subplot()
     pressure, shear, bound = data["pressure"], data["shear"], data["bound"]
@@ -293,16 +297,20 @@ def _draw_curve(frame: _Frame) -> Figure:
 
 
 def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str]]:
-    """Return positions along the curves of a face in 2D, which grow along t = (-n_y, n_x).
+    """Return the horizontal positions of vertices of a 2D surface, by arc length or coordinate.
 
-    A closed curve is cut at the facet opposite to its touching part; this facet is omitted.
+    The arc length grows along t = (-n_y, n_x).
+
+    A closed curve is cut at the facet that is farthest from the part in contact; this facet is
+    omitted.
 
     Args:
         data: see `contact_data`.
-        over: coordinate that is used instead, by default along a straight face.
+        over: coordinate to use; default: the coordinate along a straight surface, otherwise the arc
+            length.
 
     Returns:
-        Positions of the vertices (m, 1), the facets, and the label.
+        Positions of the vertices, shape (m, 1); vertices of the facets; and label of the axis.
     """
     x, facets = data["x"][:, :2], data["cells"]
     extent = np.ptp(x, axis=0)
@@ -370,7 +378,10 @@ def _draw_map(frame: _Frame) -> Figure:
 
 
 def _look_of_pressure(every: Array) -> dict[str, Any]:
-    """Return norm and colours of the pressure; values of all frames may be negative."""
+    """Return the options norm and cmap for maps of the pressure in all frames.
+
+    The pressure is negative where bonds pull.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
 
@@ -382,7 +393,7 @@ def _look_of_pressure(every: Array) -> dict[str, Any]:
 
 
 def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
-    """Draw statuses: each vertex colours the adjacent part of the facets."""
+    """Colour the part of the facets around each vertex by the status of the vertex."""
     from matplotlib.collections import PolyCollection
 
     loop = around(cells)
@@ -395,12 +406,12 @@ def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.s
 
 
 def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
-    """Project a surface along the coordinate axis closest to its mean normal where it touches.
+    """Project a surface along a coordinate axis, close to the mean normal in contact.
 
     Facets that face away, such as the far side of a closed surface, are omitted.
 
     Returns:
-        Positions of the vertices (m, 2), the facets, and the labels of both axes.
+        Positions of the vertices, shape (m, 2); vertices of the facets; and labels of both axes.
     """
     x, cells = data["x"], data["cells"]
     normals = unit(area_vectors(x[cells[:, :3]]))
@@ -415,7 +426,7 @@ def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
 
 
 def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
-    """Draw arrows at the vertices, one in each square of a grid, and a key with the largest."""
+    """Draw at most one arrow per square of a grid, and a key with the largest magnitude."""
     size = np.linalg.norm(vectors, axis=1)
     if not largest:
         return

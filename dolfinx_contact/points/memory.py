@@ -53,7 +53,7 @@ class Memory:
         displacement: displacement of the owned nodes at that state in large sliding of pairs, shape
             (nodes, dim); None otherwise.
         place: displacement of the points at that state in the frame of a curved obstacle that they
-            follow, shape (n, dim); None for others.
+            follow, shape (n, dim); None otherwise.
         motion: motion at that state of the rigid body to which the frame belongs, shape (k,); None
             if the frame does not turn.
     """

@@ -56,7 +56,12 @@ def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
 
 
 def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
-    """Return normals (n, 2) averaged with their mirror images on the axis. Collective."""
+    """Return normals, averaged with their mirror images at nodes on the axis. Collective.
+
+    Args:
+        V: displacement space.
+        normals: normals at the local nodes, shape (n, 2).
+    """
     axis = on_axis(V) & (normals[:, 1] != 0)
     along = np.stack([np.zeros(len(normals)), np.sign(normals[:, 1])], axis=1)
     return np.where(axis[:, None], along, normals)

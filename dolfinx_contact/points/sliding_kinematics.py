@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Weighted gap and slip of the nodes of a slave at a state, and their derivatives.
+r"""Weighted gaps and slips of the slave nodes at a state, and their derivatives.
 
 With quadrature points q on the common parts of slave and master facets, weights w of the reference
 configuration, the gap g along the ray of each point, and the reference coordinates eta at which the
@@ -303,7 +303,7 @@ class Nodal:
 
 
 class RayRates(NamedTuple):
-    """Changes of the rays, or their derivatives, shape (p, q, ...).
+    """Changes of the rays, or derivatives of these changes, shape (p, q, ...).
 
     Attributes:
         place: changes of the reference coordinates eta, shape (p, q, dim - 1, ...).
@@ -364,7 +364,7 @@ class Facing:
         return found * (1.0 - np.eye(found.shape[1]))
 
     def moved(self, v: Array, m: Array) -> RayRates:
-        """Return the changes of the rays.
+        """Return the changes of the rays due to displacements.
 
         Args:
             v: displacements of the corners of both facets, shape (p, c, dim).

@@ -385,9 +385,12 @@ class DiscreteSurface(ReadOnly):
         return np.rint(at_points).astype(np.int64), number
 
     def gaps_at(self, x: Array) -> Array | None:
-        """Return gaps at positions (n, dim) in the frame of the obstacle. Collective.
+        """Return gaps at positions in the frame of the obstacle. Collective.
 
         None if the obstacle cannot be evaluated at arbitrary positions.
+
+        Args:
+            x: positions, shape (n, dim).
         """
         shape = shape_of(self.obstacle)
         if isinstance(shape, RigidSurface):

@@ -146,8 +146,8 @@ class SurfaceFacets(MovingFacets):
             u: displacement of the local nodes, shape (nodes, dim).
 
         Returns:
-            Positions of the local vertices (n, dim), vertices of the simplices (m, dim), and
-            outward unit normals of the simplices (m, dim).
+            Positions of the local vertices, shape (n, dim); vertices of the simplices, shape
+            (m, dim); and outward unit normals of the simplices, shape (m, dim).
         """
         now = (_positions(self._V) + u)[self.trace]
         pieces = _SIMPLICES[now.shape[1], self.corners.shape[1]]
@@ -219,7 +219,11 @@ class SurfaceGeometry:
         return widths
 
     def mean(self, values: Array) -> float:
-        """Return the mean of values (n,) over the vertices of all ranks."""
+        """Return the mean of values over the vertices of all ranks.
+
+        Args:
+            values: values at the local vertices, shape (n,).
+        """
         index_map = self._vertices.dofmap.index_map
         total = self._vertices.mesh.comm.allreduce(float(np.sum(values[: index_map.size_local])))
         return float(total / index_map.size_global)

@@ -222,7 +222,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     Args:
         comm: communicator.
         values: values at the indices owned by this rank, shape (n, ...).
-        places: global indices of the requested values, of any shape.
+        places: global indices of the requested values, an array of any shape.
 
     Returns:
         Values, shape (*places.shape, ...).

@@ -48,7 +48,7 @@ def candidates(
     Args:
         problem: scaled problem.
         allowed: allowed statuses as bit masks, shape (m,).
-        starts: initial statuses (m,) to be tried first.
+        starts: initial statuses that are tried first, shape (m,) each.
         random: generator of the random starts.
         tries: number of random starts.
     """
@@ -66,10 +66,10 @@ def candidates(
 
 
 def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield random statuses (m,) allowed by the regions, cycling through the regions.
+    """Yield random statuses, shape (m,), each allowed by one region; the regions take turns.
 
     Args:
-        regions: allowed statuses of at least one region, as bit masks, shape (m,).
+        regions: at least one region, each given by its allowed statuses as bit masks, shape (m,).
         number: number of starts.
         random: generator of the starts.
     """
@@ -81,7 +81,7 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield initial statuses: equal for all points, then random in blocks or point by point."""
+    """Yield initial statuses: the same for all points, then random, by blocks or by points."""
     for k in range(tries):
         if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
@@ -94,7 +94,14 @@ def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
 
 
 def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
-    """Return a fixed point of the Newton iteration on statuses; None if it does not converge."""
+    """Iterate on the statuses until they do not change; return them, None without convergence.
+
+    Args:
+        problem: scaled problem.
+        allowed: allowed statuses as bit masks, shape (m,).
+        codes: initial statuses, shape (m,).
+        rho: factor from displacements to forces, see `_required`.
+    """
     seen: set[bytes] = set()
     single = 0
     for _ in range(_ROUNDS + 3 * problem.points):
@@ -117,7 +124,10 @@ def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -
 
 
 def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
-    """Solve a piece for ut, un, rt, rn (m,) without error bounds; None if it is singular."""
+    """Return (ut, un, rt, rn) of a piece, shape (m,) each, without error bounds.
+
+    None if the piece is singular.
+    """
     load = problem.p.copy()
     load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
     try:
@@ -142,7 +152,10 @@ def _required(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    """Return the allowed statuses (m,) required by displacements and forces."""
+    """Return the allowed status of each point required by its state, shape (m,).
+
+    A point closes if rn - rho un > 0.
+    """
     new = codes.copy()
     F = problem.friction
     g = problem.g

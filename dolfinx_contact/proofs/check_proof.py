@@ -135,11 +135,12 @@ def positive_definite(Q: Array, error: Array) -> bool:
 
     The matrix is scaled by powers of two, without rounding, to a diagonal between 1/2 and 2. A
     symmetric perturbation changes eigenvalues by at most the largest absolute row sum of its
-    entries. Rump's theorem is used: if c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A and the Cholesky
-    factorisation of A - c I succeeds, then A is positive definite (BIT 46, 2006, theorem 2.3).
+    entries. Rump's theorem is used: a matrix A is positive definite if, for some
+    c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, the Cholesky factorisation of A - c I succeeds (BIT
+    46, 2006, theorem 2.3).
 
     Args:
-        Q: matrix (n, n), exactly symmetric.
+        Q: exactly symmetric matrix, shape (n, n).
         error: nonnegative error bounds of the entries, shape (n, n).
     """
     n = len(Q)
@@ -165,7 +166,7 @@ def least_eigenvalue(S: Array, error: Array) -> float:
     Returns 0 if no positive bound is proved.
 
     Args:
-        S: matrix (n, n), exactly symmetric.
+        S: exactly symmetric matrix, shape (n, n).
         error: nonnegative, symmetric error bounds of the entries, shape (n, n).
     """
     guess = 0.9 * float(np.linalg.eigvalsh(S)[0])
@@ -275,17 +276,17 @@ class Ball:
 
     @property
     def size(self) -> Array:
-        """Upper bounds of the absolute values."""
+        """Upper bounds of the absolute values of the numbers."""
         return up(np.abs(self.value) + self.radius)
 
     @cached_property
     def low(self) -> Array:
-        """Lower ends of the intervals, with the rounding error of the difference."""
+        """Lower bounds of the numbers; the rounding error of value - radius is included."""
         return np.asarray(self.value - self.radius * (1 + gamma(4)) - gamma(0) * np.abs(self.value))
 
     @cached_property
     def high(self) -> Array:
-        """Upper ends of the intervals, with the rounding error of the sum."""
+        """Upper bounds of the numbers; the rounding error of value + radius is included."""
         return np.asarray(self.value + self.radius * (1 + gamma(4)) + gamma(0) * np.abs(self.value))
 
 
@@ -311,7 +312,7 @@ def _parts(ball: Ball) -> tuple[Array, Array]:
 
 
 def solved(A: Ball, b: Ball) -> Ball | None:
-    """Return a ball with the solutions of A z = b (n,) for all A and b in their balls.
+    """Return a ball containing the solutions z of A z = b for all A and b in their balls.
 
     Returns None if one of the matrices may be singular. Let C be an approximate inverse and
     G >= |I - C A| for all A in the ball. If the maximum norm of G is below 1, every A is regular.
@@ -365,7 +366,7 @@ CLOSED = 0b1110
 
 
 def has_status(allowed: Masks) -> npt.NDArray[np.bool_]:
-    """Return a mask (m, 7) of the statuses contained in the bit masks (m,) of the points."""
+    """Return a mask of the statuses that the bit mask of each point contains, shape (m, 7)."""
     return np.asarray((allowed[:, None] >> np.arange(7)) & 1 > 0)
 
 
@@ -374,11 +375,11 @@ class ReducedProblem:
     """Contact problem S a = r + p with friction at m points, as defined above.
 
     Args:
-        S: stiffness matrix (dim m, dim m), symmetric, ordered (ut, un) point by point. An
-            unsymmetric part is added to its error bounds.
-        p: load vector (dim m,), with dim 2 or 3.
+        S: symmetric stiffness matrix, ordered (ut, un) point by point, shape (dim m, dim m) with
+            dim 2 or 3. An unsymmetric part is added to its error bounds.
+        p: load vector, shape (dim m,).
         friction: friction coefficients F >= 0, shape (m,).
-        bound: prescribed friction bounds g >= 0 (m,), as forces, 0 where F > 0; by default 0.
+        bound: prescribed friction bounds g >= 0 as forces, 0 where F > 0, shape (m,); by default 0.
         S_error: error bounds of the entries of S, shape (dim m, dim m); by default 0.
         p_error: error bounds of the entries of p, shape (dim m,); by default 0.
 
@@ -431,7 +432,7 @@ class ReducedProblem:
 
     @property
     def dS(self) -> Array:
-        """Error bounds of S (dim m, dim m)."""
+        """Error bounds of S, shape (dim m, dim m)."""
         assert self.S_error is not None
         return self.S_error
 
@@ -453,7 +454,7 @@ class ReducedProblem:
 
     @property
     def data(self) -> dict[str, Array]:
-        """Data of the problem, by the names of the arguments."""
+        """Data of the problem: values of the arguments, by name."""
         return {name: np.asarray(getattr(self, name)) for name in _DATA}
 
     @property
@@ -487,7 +488,7 @@ class ReducedProblem:
 
     @cached_property
     def units(self) -> tuple[float, float]:
-        """Units of displacements and forces, powers of two of their typical magnitudes."""
+        """Units of displacements and forces: powers of two close to their typical magnitudes."""
         force = max(float(np.abs(self.p).max()), float(self.g.max()), 1e-290)
         force = 2.0 ** round(float(np.log2(force)))
         return force / self._stiffness_unit, force
@@ -550,10 +551,10 @@ _USED_FREE[2] = [True, True, False, False, False, True]
 
 @dataclass(frozen=True, eq=False)
 class _Ellipsoid:
-    """Energy ellipsoid, enlarged by round-off and errors of the data.
+    """Energy ellipsoid (see above), enlarged by round-off and errors of the data.
 
     Attributes:
-        twice: approximation of S^-1 p (n,), twice the centre.
+        twice: approximation of S^-1 p, twice the centre, shape (n,) with n = dim m.
         shift: bound of the Euclidean norm of the error of ``twice``.
         inverse: approximation of S^-1, shape (n, n).
         inverse_off: error bounds of the columns of ``inverse``, in the Euclidean norm, shape (n,).
@@ -586,7 +587,9 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """Return an approximation G of S^-1 and error bounds of its entries, shape (n, n) each.
+    """Return an approximation G of S^-1 and error bounds of its entries.
+
+    Both have the shape (n, n) with n = dim m.
 
     Let E >= |I - S G| for all S within their errors, with a maximum norm e < 1. Then
     |S^-1 - G| <= |G| (E + E^2 + ...). In each column, entries of E^2 are at most e times the
@@ -602,7 +605,10 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 
 def bounded(problem: ReducedProblem) -> Array:
-    """Return upper bounds of ut+, ut-, un, s+, s- and rn (6, m) at all solutions in the plane."""
+    """Return upper bounds of ut+, ut-, un, s+, s- and rn in the plane, shape (6, m).
+
+    They hold at every solution.
+    """
     m = problem.points
     e = _ellipsoid(problem)
     center = Ball(e.twice, np.full(2 * m, above(e.shift)))
@@ -630,13 +636,22 @@ def bounded(problem: ReducedProblem) -> Array:
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
-    """Return a mask (m, 7, 6) of the bounded quantities that may be positive in each status."""
+    """Return a mask of the bounded quantities that may be positive in each status of each point.
+
+    Its axes are point, status and quantity, shape (m, 7, 6).
+    """
     free = (problem.friction == 0) & (problem.g == 0)
     return np.where(free[:, None, None], _USED_FREE, _USED)
 
 
 def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
-    """Return the bounds (6, m), set to 0 for quantities vanishing in all allowed statuses."""
+    """Return the bounds ``ub``, set to 0 for quantities that vanish in all allowed statuses.
+
+    Args:
+        problem: scaled reduced problem.
+        allowed: allowed statuses as bit masks, shape (m,).
+        ub: upper bounds of the quantities (`bounded`), shape (6, m).
+    """
     has = has_status(allowed)
     return np.where((has[:, :, None] & used(problem)).any(axis=1).T, ub, 0.0)
 
@@ -675,7 +690,7 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of the bounded quantities (6, m) in y.(S a - r), without the part of g."""
+        """Coefficients of the bounded quantities in y.(S a - r), without g, shape (6, m)."""
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -683,18 +698,18 @@ class Dual:
 
     @property
     def _shear(self) -> Array:
-        """Coefficients (m,) of s+ - s- = 2 rt in y.r."""
+        """Coefficients of s+ - s- = 2 rt in y.r, shape (m,)."""
         return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
 
     @property
     def _pressure(self) -> Array:
-        """Coefficients (m,) of s+ + s- = 2 F rn in y.r."""
+        """Coefficients of s+ + s- = 2 F rn in y.r, shape (m,)."""
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the bounded quantities that appear in L at each point, shape (m, 6).
+        """Mask of the bounded quantities that appear in L (see above) at each point, shape (m, 6).
 
         Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
         directly, without s+ and s-.
@@ -707,12 +722,12 @@ class Dual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -yt rt over shears |rt| <= g, by point and status, shape (m, 7)."""
+        """Minimum of -yt rt over shears |rt| <= g for each point and status, shape (m, 7)."""
         most = (self.problem.g * self.y[0::2])[:, None]
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
     def least(self, ub: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return the minima h_is by point and status, shape (m, 7).
+        """Return h_is (see above) for each point i and status s, shape (m, 7).
 
         Args:
             ub: bounds of the quantities (`bounded`), shape (6, m).
@@ -745,7 +760,7 @@ class Dual:
         return float(up(data + gamma(8 * n) * sums))
 
     def impossible(self, allowed: Masks, ub: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return a mask (m, 7) of the allowed statuses that y excludes.
+        """Return a mask of the allowed statuses that y excludes, shape (m, 7).
 
         Args:
             allowed: allowed statuses as bit masks, shape (m,).
@@ -759,7 +774,16 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """Return an upper bound of a quantity x = x - y.(S a - r - p); inf if x is not in L."""
+        """Return an upper bound of a quantity x at all solutions with allowed statuses.
+
+        It follows from x = x - y.(S a - r - p), and is infinite if x does not appear in L.
+
+        Args:
+            allowed: allowed statuses as bit masks, shape (m,).
+            ub: bounds of the quantities (`bounded`), shape (6, m).
+            slot: index of the quantity.
+            point: index of the point.
+        """
         if not self._counted[point, slot]:
             return np.inf
         has = has_status(allowed)
@@ -795,14 +819,14 @@ class _Piece:
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Verdict on the inequalities: strictly satisfied, one certainly violated, or undecided."""
+        """Verdict: all inequalities certainly satisfied, one certainly violated, or undecided."""
         if (self.inequalities.high < 0).any():
             return "outside"
         return "inside" if (self.inequalities.low > 0).all() else "border"
 
     @property
     def state(self) -> Array:
-        """Displacements and forces of the points (m, 2 dim)."""
+        """Displacements and forces of the points, shape (m, 2 dim)."""
         return self.numbers.value
 
     @property
@@ -839,7 +863,7 @@ class PieceSolution(_Piece):
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative (m, 3), padded with 1."""
+        """Quantities that the law requires to be nonnegative, padded with 1, shape (m, 3)."""
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
@@ -855,7 +879,10 @@ class PieceSolution(_Piece):
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
-    """Return the matrix (2 m, 2 m) of a piece; its unknowns are ut or rt, and un or rn."""
+    """Return the matrix of a piece, shape (2 m, 2 m).
+
+    The unknowns of each point are ut or rt, and un or rn.
+    """
     n = len(S)
     t = np.arange(0, n, 2)
     k = np.arange(1, n, 2)
@@ -940,14 +967,15 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 
 @dataclass
 class _Row:
-    """Row of one unknown v; w is the other component of the same point.
+    """Inequality or equation for one component d_v of the difference d of two solutions.
 
-    The row is the inequality d_v (S_v d + x S_w d + k1 d_v) + k2 f^2 <= 0 with f = S_v d + x S_w d,
-    or the equation f = 0.
+    Let w be the other component of the same point, and S_v and S_w rows of S. The row is the
+    inequality d_v (S_v d + x S_w d + k1 d_v) + k2 f^2 <= 0 with f = S_v d + x S_w d, or the
+    equation f = 0.
 
     Attributes:
         unknown: index v of the component.
-        x: coefficient x.
+        x: coefficient x of S_w d.
         x_off: error bound of x.
         equal: whether the row is the equation f = 0.
         k1: coefficient of d_v^2.
@@ -970,10 +998,10 @@ class Differences:
 
     Attributes:
         piece: solution b of a piece.
-        unknown: indices of the components of d that may be nonzero (n,), among 2 m.
-        rows: matrix R (n, n) with f = R d.
+        unknown: indices of the n components of d that may be nonzero, among 2 m, shape (n,).
+        rows: matrix R with f = R d, shape (n, n).
         tilts: matrix T, shape (n, n); row i of T, multiplied by theta_i, is added to row i of R.
-        equal: mask of the rows f = 0, shape (n,).
+        equal: mask of the rows that are equations f = 0, shape (n,).
         k1: coefficients of d_v^2, shape (n,).
         k2: coefficients of f^2, shape (n,).
     """
@@ -1006,7 +1034,7 @@ class Differences:
 
         Args:
             weights: nonnegative weights of the rows, shape (n,); ignored for rows f = 0.
-            theta: parameters theta of the rows (n,), |theta| <= 1 / F; used where `tilted`.
+            theta: parameters theta of the rows, |theta| <= 1 / F, used where `tilted`; shape (n,).
             mu: nonnegative weight of the squares of the rows f = 0, dimensionless.
         """
         F = self.piece.problem.friction[self.unknown // 2]
@@ -1029,7 +1057,9 @@ class Differences:
 
 
 def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences | None:
-    """Return the inequalities; None if b is not proved to satisfy their hypotheses.
+    """Return the inequalities for the difference of a solution a and the solution b of a piece.
+
+    None if b does not provably satisfy the conditions of the inequalities.
 
     Args:
         piece: solution b of a piece. Where only one status of a is allowed, b must have it too.
@@ -1060,7 +1090,10 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
 
 
 def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the rows of one point; None if b does not satisfy their hypotheses."""
+    """Return the rows (`_Row`) of one point.
+
+    None if b does not provably satisfy the conditions of its status.
+    """
     code = int(piece.codes[i])
     opens = bool(allowed & OPENED)
     closes = bool(allowed & CLOSED)
@@ -1093,12 +1126,15 @@ def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _ratio(part: float, most: float) -> float:
-    """Return a lower bound of part / most; 0 unless both numbers are positive."""
+    """Return a lower bound of the quotient part / most; 0 unless both numbers are positive."""
     return float(down(np.float64(part / most))) if part > 0 and most > 0 else 0.0
 
 
 def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows of a point with Coulomb friction; None if b does not fit."""
+    """Return the tangential rows (`_Row`) of a point with Coulomb friction.
+
+    None if b does not provably satisfy the conditions of its status.
+    """
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
     t = 2 * i
@@ -1129,7 +1165,10 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows of a point that is open or slips in b; None if b does not fit."""
+    """Return the tangential rows (`_Row`) of a point that is open or slips in b.
+
+    None if b does not provably satisfy the conditions of its status.
+    """
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
     F = float(piece.problem.friction[i])
@@ -1142,7 +1181,10 @@ def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
 
 
 def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
-    """Return k1 and k2 if only stick and one slip are allowed; None if b does not fit."""
+    """Return k1 and k2 of a `_Row` for a point that may only stick or slip in one direction.
+
+    None if b does not provably satisfy the conditions of its status.
+    """
     code = int(piece.codes[i])
     k = 0 if sense > 0 else 1
     slack = float(piece.slacks[k].low[i])
@@ -1155,7 +1197,10 @@ def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float
 
 
 def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows of a point with a prescribed friction bound."""
+    """Return the tangential rows (`_Row`) of a point with a prescribed friction bound.
+
+    None if b does not provably satisfy the conditions of its status.
+    """
     code = int(piece.codes[i])
     t = 2 * i
     if not allowed & FREE:
@@ -1210,7 +1255,10 @@ _ANGLES = 2.0**-40
 
 
 def rays(q: Array) -> Array:
-    """Return the points of the square (..., 2) at diamond angles, exact for dyadic angles."""
+    """Return the points of the square |x| + |y| = 1 at diamond angles, shape (..., 2).
+
+    They are exact for dyadic angles.
+    """
     q = np.asarray(q) % 4.0
     x = np.where(q <= 2, 1 - q, q - 3)
     y = np.where(q <= 1, q, np.where(q <= 3, 2 - q, q - 4))
@@ -1218,19 +1266,19 @@ def rays(q: Array) -> Array:
 
 
 def directions(q: Array) -> Array:
-    """Return unit vectors (..., 2) at diamond angles, accurate to a few units of round-off."""
+    """Return unit vectors at diamond angles up to a few units of round-off, shape (..., 2)."""
     ray = rays(q)
     return np.asarray(ray / np.sqrt((ray**2).sum(axis=-1, keepdims=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of all contact points, sorted by point.
+    """Cells (see above) of all contact points, k in total, sorted by point.
 
     Attributes:
-        node: indices of the points (k,), in increasing order.
-        kind: kinds of the cells (k,): `IN_OPEN`, `IN_STICK`, `IN_SLIP` or `IN_CLOSED`.
-        ends: diamond angles of the ends of arcs, shape (k, 2); 0 for other cells.
+        node: index of the point of each cell, in increasing order, shape (k,).
+        kind: kind of each cell: `IN_OPEN`, `IN_STICK`, `IN_SLIP` or `IN_CLOSED`, shape (k,).
+        ends: diamond angles of both ends of each arc, 0 for other cells, shape (k, 2).
     """
 
     node: npt.NDArray[np.int64]
@@ -1260,17 +1308,17 @@ class Cells:
 
     @cached_property
     def first(self) -> npt.NDArray[np.int64]:
-        """Index of the first cell of every point that has cells."""
+        """Index of the first cell of each point, for all points that have cells."""
         return np.flatnonzero(np.diff(self.node, prepend=-1))
 
     @cached_property
     def sides(self) -> tuple[Array, Array]:
-        """Unit vectors at the first and last ends of the arcs, each (number of arcs, 2)."""
+        """Unit vectors at the first and at the last ends of the arcs, shape (arcs, 2) each."""
         ends = self.ends[self.of_kind[IN_SLIP]]
         return directions(ends[:, 0]), directions(ends[:, 1])
 
     def kept(self, keep: npt.NDArray[np.bool_]) -> Cells:
-        """Return the cells selected by the mask ``keep`` (k,)."""
+        """Return the cells selected by a mask, shape (k,)."""
         return Cells(self.node[keep], self.kind[keep], self.ends[keep])
 
     def halved(self, point: int) -> Cells:
@@ -1300,9 +1348,9 @@ class Cells:
         return frozenset(int(kind) for kind in self.kind[self.node == point])
 
     def hull(self, point: int) -> tuple[float, float] | None:
-        """Return the first diamond angle and the width of an arc containing all arcs of a point.
+        """Return an arc that contains all arcs of a point, None if the point has no arc.
 
-        None if the point has no arc.
+        It is given by the diamond angle of its first end, and its width.
         """
         ends = self.ends[(self.node == point) & (self.kind == IN_SLIP)]
         if len(ends) == 0:
@@ -1319,7 +1367,10 @@ class Cells:
 
 
 def bounded_in_space(problem: ReducedProblem) -> Array:
-    """Return upper bounds of the quantities (MOST, m) that hold at every solution in space."""
+    """Return upper bounds of the `MOST` quantities of each point in space, shape (MOST, m).
+
+    They hold at every solution.
+    """
     e = _ellipsoid(problem)
     m = problem.points
     center = e.twice.reshape(m, 3) / 2
@@ -1390,14 +1441,14 @@ class SpaceDual:
         return float(self.y @ self.problem.p)
 
     def least(self, cells: Cells, most: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return the minima h_ic of all cells, shape (k,).
+        """Return h_ic (see above) for each cell, shape (k,).
 
         Args:
             cells: cells of all points.
-            most: bounds of the quantities (MOST, m).
-            less: index of a quantity and of a point, whose value is subtracted from L. At this
-                point, h is infinite for kinds of cells to which the bound does not apply. None for
-                no change.
+            most: upper bounds of the quantities, shape (MOST, m).
+            less: index of a quantity and index of a point; this quantity is subtracted from L. At
+                this point, h is infinite for the kinds of cells in which the quantity has no bound.
+                None for no change.
         """
         found = np.empty(len(cells))
         m = self.problem.points
@@ -1465,7 +1516,10 @@ class SpaceDual:
         return float(up(data + gamma(n + 64) * sums))
 
     def impossible(self, cells: Cells, most: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return a mask (k,) of the cells that y excludes; all cells of a point if none is left."""
+        """Return a mask of the cells that y excludes, shape (k,).
+
+        If y excludes all cells of a point, there is no solution in the cells.
+        """
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
         rest = lowest.sum() - lowest - self._load
@@ -1473,7 +1527,17 @@ class SpaceDual:
         return np.asarray(np.repeat(rest, count) + h > margin * self.round_off(most))
 
     def most(self, cells: Cells, most: Array, quantity: int, point: int) -> float:
-        """Return an upper bound of the quantity x = x - y.(S a - r - p); -inf if no cell has x."""
+        """Return an upper bound of a quantity x at all solutions in the cells.
+
+        It follows from x = x - y.(S a - r - p), and is -inf if x has no bound in the cells of the
+        point.
+
+        Args:
+            cells: cells of all points.
+            most: upper bounds of the quantities, shape (MOST, m).
+            quantity: index of the quantity.
+            point: index of the point.
+        """
         h = self.least(cells, most, (quantity, point))
         bound = -np.minimum.reduceat(h, cells.first).sum() + self._load
         size = float(np.abs(most[:, point]).max())
@@ -1481,13 +1545,24 @@ class SpaceDual:
 
 
 def ends_of(most: Array, quantity: int) -> tuple[Array, Array]:
-    """Return the smallest and largest nonnegative values (m,) of s (`OF_S`) or rn (`OF_RN`)."""
+    """Return the smallest and the largest nonnegative value of s or rn, shape (m,) each.
+
+    Args:
+        most: upper bounds of the quantities, shape (MOST, m).
+        quantity: `OF_S` for s, `OF_RN` for rn.
+    """
     largest = np.maximum(most[quantity + 1], 0.0)
     return np.minimum(np.maximum(-most[quantity], 0.0), largest), largest
 
 
 def _least_along(v: Array, first: Array, last: Array) -> Array:
-    """Return mu(v) (k,), the minimum of v.e over arcs of less than half a circle."""
+    """Return mu(v), the minimum of v.e over each of k arcs, shape (k,).
+
+    Args:
+        v: vectors, shape (k, 2).
+        first: unit vectors at the first ends of the arcs, shape (k, 2).
+        last: unit vectors at the last ends; each arc is less than half a circle.
+    """
     (x, y), (x0, y0), (x1, y1) = v.T, first.T, last.T
     ends = np.minimum(x * x0 + y * y0, x * x1 + y * y1)
     doubt = _ANGLES * (np.abs(x) + np.abs(y))
@@ -1520,10 +1595,10 @@ class SpacePiece(_Piece):
     Attributes:
         problem: scaled reduced problem.
         codes: statuses, shape (m,).
-        z: approximate unknowns, shape (m, 3); for slipping points (s, angle, rn or un).
-        e: approximate slip directions, shape (m, 2); 0 for other points.
+        z: approximate unknowns, for slipping points (s, angle, rn or un), shape (m, 3).
+        e: approximate slip directions, 0 for other points, shape (m, 2).
         inverse: approximate inverse C of the Jacobian, shape (3 m, 3 m).
-        residual: bounds of the absolute values of C f, shape (3 m,).
+        residual: bounds of the absolute values of C f(z), shape (3 m,).
         radius: radii of the ball around z containing the solution, shape (m, 3).
     """
 
@@ -1542,12 +1617,12 @@ class SpacePiece(_Piece):
 
     @cached_property
     def turn(self) -> Array:
-        """Error bounds of the components of the slip directions (m,); 0 for other points."""
+        """Error bounds of the components of the slip directions, 0 for other points, shape (m,)."""
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
     def unknowns(self) -> tuple[Ball, Ball]:
-        """Unknowns z (m, 3) and slip directions (m, 2) with error bounds."""
+        """Unknowns z, shape (m, 3), and slip directions, shape (m, 2), with error bounds."""
         return Ball(self.z, self.radius), Ball(self.e, np.stack([self.turn] * 2, axis=1))
 
     @cached_property
@@ -1557,20 +1632,20 @@ class SpacePiece(_Piece):
 
     @cached_property
     def slack(self) -> Ball:
-        """Slack F rn + g - |rt| of the friction bound (m,), used at sticking points."""
+        """Slack F rn + g - |rt| of the friction bound, used at sticking points, shape (m,)."""
         shear = hypot(self.numbers[:, 3], self.numbers[:, 4])
         return self.problem.friction * self.numbers[:, 5] + self.problem.g - shear
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative (m, 2), padded with 1."""
+        """Quantities that the law requires to be nonnegative, padded with 1, shape (m, 2)."""
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
 
     @cached_property
     def _alone(self) -> Array:
-        """Radii (m, 3) of the largest tested neighbourhood provably without another solution."""
+        """Radii of the largest ball around z proved to have no other solution, shape (m, 3)."""
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():
@@ -1600,7 +1675,14 @@ def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
 
 
 def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return (ut1, ut2, un, rt1, rt2, rn) of the points (m, 6) for the unknowns z of a piece."""
+    """Return (ut1, ut2, un, rt1, rt2, rn) of the points for given unknowns, shape (m, 6).
+
+    Args:
+        problem: scaled reduced problem.
+        codes: statuses, shape (m,).
+        z: unknowns of the piece, shape (m, 3).
+        e: slip directions, shape (m, 2).
+    """
     z, e = Ball.of(z), Ball.of(e)
     opened = IS_OPEN[codes]
     stuck = _STUCK[codes]
@@ -1615,7 +1697,10 @@ def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball 
 
 
 def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return the Jacobian (3 m, 3 m) of S a - r - p with respect to the unknowns of a piece."""
+    """Return the Jacobian of S a - r - p with respect to the unknowns z, shape (3 m, 3 m).
+
+    The arguments are those of `space_state`.
+    """
     z, e = Ball.of(z), Ball.of(e)
     S = problem.stiffness
     m = len(codes)
@@ -1651,7 +1736,7 @@ def _growth(piece: SpacePiece, radius: Array) -> Array:
 
 
 def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Ball:
-    """Return S a - r - p (3 m,), including the round-off of the unit vectors of slip."""
+    """Return S a - r - p, with the round-off of the slip directions included, shape (3 m,)."""
     turn = np.where(_slipping(problem, codes), 16 * _U, 0.0)
     state = space_state(problem, codes, z, Ball(e, np.stack([turn, turn], axis=1)))
     a, r = (state[:, columns].reshape(-1) for columns in (slice(0, 3), slice(3, 6)))
@@ -1664,7 +1749,7 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
     Args:
         problem: scaled reduced problem.
         codes: statuses, shape (m,).
-        z: approximate unknowns (m, 3), improved by up to three Newton steps.
+        z: approximate unknowns, improved by up to three Newton steps, shape (m, 3).
     """
     z = np.array(z, dtype=np.float64)
     slips = _slipping(problem, codes)
@@ -1714,8 +1799,8 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
 
     Args:
         piece: solution b of a piece.
-        cells: cells; at every point all of them have the kind of b.
-        most: bounds of the quantities (MOST, m).
+        cells: cells of all points; at every point all of them have the kind of b.
+        most: upper bounds of the quantities, shape (MOST, m).
     """
     problem = piece.problem
     if (problem.g > 0).any():
@@ -1746,7 +1831,7 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """Contribution (middle +- width) * vector to a column of M.
+    """Contribution (middle +- width) * vector to a column of the interval matrix M above.
 
     Attributes:
         column: index of the column.
@@ -1775,15 +1860,16 @@ def _contracts(G: Array) -> bool:
 def angles_of(
     piece: SpacePiece, cells: Cells, point: int, widest: float = 3.5
 ) -> tuple[float, float] | None:
-    """Return the smallest and largest angle from the slip direction of b to the arcs of a point.
+    """Return the range of the angle from the slip direction of b to directions in the arcs.
 
-    None if the arcs contain the opposite direction or their hull is wider than ``widest``.
+    The result is the smallest and the largest angle, in radians. It is None if the arcs contain the
+    direction opposite to the slip of b, or their hull is wider than ``widest``.
 
     Args:
         piece: solution b of a piece.
         cells: cells of all points.
         point: index of the point.
-        widest: largest width of the hull of the arcs, in diamond angles.
+        widest: largest width of the hull (`Cells.hull`) of the arcs, in diamond angles.
     """
     hull = cells.hull(point)
     if hull is None or hull[1] > widest:
@@ -1801,7 +1887,9 @@ def angles_of(
 
 
 def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
-    """Return the terms of a slipping point in the matrix M above; None if its arcs are too wide.
+    """Return the terms of a slipping point in the interval matrix M above.
+
+    None if the arcs of the point are too wide.
 
     The term -dr in the equation of the normal force is not included.
     """
@@ -1844,7 +1932,7 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
 
 
 def _force(problem: ReducedProblem, i: int, direction: Array) -> Ball:
-    """Return the vector (3 m,) with F times a direction at one point and 0 elsewhere."""
+    """Return a vector with F times a direction at point ``i`` and 0 elsewhere, shape (3 m,)."""
     found = Ball(np.zeros(len(problem.p)), np.zeros(len(problem.p)))
     found.put(slice(3 * i, 3 * i + 2), problem.friction[i] * Ball.of(direction))
     return found
@@ -1857,7 +1945,15 @@ def _between(low: float, high: float, cosine: float) -> tuple[float, float]:
 
 
 def _mean(most: Array, quantity: int, i: int, value: float, off: float) -> tuple[float, float]:
-    """Return lower and upper bounds of the mean of s or rn of a and b at point ``i``."""
+    """Return lower and upper bounds of the mean of the values of s or rn in a and b.
+
+    Args:
+        most: upper bounds of the quantities of a, shape (MOST, m).
+        quantity: `OF_S` for s, `OF_RN` for rn.
+        i: index of the point.
+        value: value in b.
+        off: error bound of this value.
+    """
     least, largest = (float(v[i]) for v in ends_of(most, quantity))
     more = above(off + gamma(4) * (abs(value) + largest))
     return (least + value) / 2 - more, (largest + value) / 2 + more
@@ -1896,12 +1992,13 @@ _ROWS = 6  # (d_1, d_2, d_n, e_1, e_2, e_n) of a point
 
 @dataclass(frozen=True, eq=False)
 class SpaceDifferences:
-    """Inequalities of all points as quadratic forms of (d, e).
+    """Inequalities of all points as quadratic forms of (d, e), see above.
 
     Attributes:
         problem: scaled reduced problem.
-        unknown: indices of the components of d that may be nonzero (n,), among 3 m.
-        forms: quadratic form for every family and point, shape (9, m, 6, 6); 0 if there is none.
+        unknown: indices of the n components of d that may be nonzero, among 3 m, shape (n,).
+        forms: quadratic form of each of the nine `FAMILIES` at each point, 0 if there is none,
+            shape (9, m, 6, 6).
         sizes: sums of the absolute values of the terms of the forms, shape (9, m, 6, 6).
         errors: error bounds of the forms, shape (9, m, 6, 6).
         has: mask of the families and points with a form, shape (9, m).
@@ -1918,7 +2015,7 @@ class SpaceDifferences:
 
     @cached_property
     def rows(self) -> Array:
-        """Matrices (m, 6, n) that map the unknown components to d and e of the points."""
+        """Matrices that map the unknown components to d and e at each point, shape (m, 6, n)."""
         m = self.problem.points
         found = np.zeros((m, _ROWS, len(self.unknown)))
         found[self.unknown // 3, self.unknown % 3, np.arange(len(self.unknown))] = 1.0
@@ -1929,7 +2026,7 @@ class SpaceDifferences:
         """Return whether the weighted sum is proved to be positive definite within all errors.
 
         Args:
-            weights: nonnegative weights (9, m) of the forms; ignored where a form is absent.
+            weights: nonnegative weights of the forms, ignored where a form is absent, shape (9, m).
             mu: nonnegative weight of the squares of the vanishing components.
         """
         if not ((weights >= 0).all() and np.isfinite(weights).all() and 0 <= mu < np.inf):
@@ -1963,12 +2060,14 @@ class SpaceDifferences:
 
 
 def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDifferences | None:
-    """Return the inequalities; None if b is not proved to satisfy their hypotheses.
+    """Return the inequalities for the difference of a solution a and the solution b of a piece.
+
+    None if b does not provably satisfy the conditions of the inequalities.
 
     Args:
         piece: solution b of a piece.
-        cells: cells of a.
-        most: bounds of the quantities (MOST, m).
+        cells: cells that contain a.
+        most: upper bounds of the quantities of a, shape (MOST, m).
     """
     problem = piece.problem
     m = problem.points
@@ -2000,7 +2099,7 @@ def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDiff
 
 
 class _Forms:
-    """Quadratic forms of (d, e), assembled from products of linear forms, by family and point."""
+    """Quadratic forms of (d, e) by family and point, assembled from products of linear forms."""
 
     def __init__(self, m: int):
         self.shape = (len(FAMILIES), m)
@@ -2009,7 +2108,10 @@ class _Forms:
         self.parts: list[tuple[Array, Array, Array, Array]] = []
 
     def add(self, family: int, i: int, factor: float, x: Ball, y: Ball) -> None:
-        """Add factor x y to a form; the factor must be exact or a safe bound."""
+        """Add factor x y, with linear forms x and y of (d, e), to the form of a family and point.
+
+        The factor must be exact or a safe bound.
+        """
         self.places.append((family, i))
         self.factors.append(factor)
         self.parts.append((x.value, x.radius, y.value, y.radius))
@@ -2049,9 +2151,9 @@ _E = (_linear(e1=_ONE), _linear(e2=_ONE), _linear(en=_ONE))
 
 
 def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
-    """Return xi_b, an error bound of its components, and a lower bound of |ut_b|.
+    """Return xi_b, an error bound of its components, and a lower bound of |ut_b|, at a point.
 
-    None if xi_b is not defined with an error bound.
+    None if no error bound of xi_b is available, because rn_b or ut_b may be zero.
     """
     F = float(piece.problem.friction[i])
     state, away = piece.state[i], piece.away[i]
@@ -2074,7 +2176,10 @@ def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
 def _forms_of_coulomb(
     piece: SpacePiece, cells: Cells, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point with Coulomb friction; return whether b meets the hypotheses."""
+    """Add the forms of a point with Coulomb friction.
+
+    Return whether b provably satisfies the conditions of its status.
+    """
     code = int(piece.codes[i])
     kind = {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}.get(code)
     if kind not in kinds:
@@ -2107,7 +2212,7 @@ def _tangential(
     f: tuple[Ball, Ball],
     slid: float,
 ) -> None:
-    """Add the form T of a point with Coulomb friction."""
+    """Add the form T (see above) of a point with Coulomb friction."""
     if slid < 0:
         return
     F = float(piece.problem.friction[i])
@@ -2132,7 +2237,10 @@ def _largest_pressure(most: Array, i: int, kinds: frozenset[int]) -> float:
 
 
 def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms) -> bool:
-    """Add the forms N and H of a point with open and closed cells; return whether b fits."""
+    """Add the forms N and H (see above) of a point with open and closed cells.
+
+    Return whether b provably satisfies the conditions of its status.
+    """
     opened = bool(IS_OPEN[piece.codes[i]])
     column = 2 if opened else 5
     part = float(piece.state[i, column] - piece.away[i, column] * (1 + gamma(4)))
@@ -2154,7 +2262,7 @@ def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made:
 def _of_arcs(
     piece: SpacePiece, cells: Cells, most: Array, i: int, made: _Forms, opens: bool
 ) -> None:
-    """Add the forms A, Q and P of a point slipping in b without a stick cell."""
+    """Add the forms A, Q and P (see above) of a point that slips in b and has no stick cell."""
     found = angles_of(piece, cells, i)
     far = np.inf if found is None else max(abs(found[0]), abs(found[1]))
     if far >= 2.8:
@@ -2187,7 +2295,10 @@ def _of_arcs(
 def _forms_of_given(
     piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point without Coulomb friction; return whether b fits."""
+    """Add the forms of a point without Coulomb friction.
+
+    Return whether b provably satisfies the conditions of its status.
+    """
     code = int(piece.codes[i])
     g = float(piece.problem.g[i])
     if (IN_OPEN if IS_OPEN[code] else IN_CLOSED) not in kinds:
@@ -2246,10 +2357,10 @@ class Certificate:
     Attributes:
         problem: reduced problem in the units of the user.
         steps: steps of the proof, in the format above; by default empty.
-        vectors: multipliers of the equations S a - r = p, in scaled units, (dim m,) each; by
-            default empty.
-        force_unit: force of the user per unit of p, by which printed forces are multiplied; by
-            default 1. The proof does not depend on it.
+        vectors: multipliers of the equations S a - r = p, in scaled units, shape (dim m,) each;
+            by default empty.
+        force_unit: value of one unit of p in the user's unit of force, by which printed forces are
+            multiplied; by default 1. The proof does not depend on it.
     """
 
     problem: ReducedProblem
@@ -2258,7 +2369,7 @@ class Certificate:
     force_unit: float = 1.0
 
     def vector(self, y: Array) -> int:
-        """Store a vector of multipliers (dim m,) and return its index."""
+        """Store a vector of multipliers, shape (dim m,), and return its index in `vectors`."""
         if not self.vectors or self.vectors[-1] is not y:
             self.vectors.append(y)
         return len(self.vectors) - 1
@@ -2270,7 +2381,7 @@ class Certificate:
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of the steps, the vectors and a unit other than 1, hexadecimal."""
+        """SHA-256 hash of the steps, the vectors and, if it is not 1, `force_unit`, hexadecimal."""
         unit = {} if self.force_unit == 1.0 else {"force_unit": np.array(self.force_unit)}
         return _digest({"vectors": self._table} | unit, json.dumps(self.steps))
 
@@ -2342,7 +2453,10 @@ class Certificate:
 
 
 def _digest(arrays: dict[str, Array], text: str = "") -> str:
-    """Return the SHA-256 hash of arrays (names, shapes, values) and a text, on any machine."""
+    """Return the SHA-256 hash of arrays (names, shapes, values) and a text.
+
+    It does not depend on the machine.
+    """
     found = hashlib.sha256(text.encode())
     for name, values in arrays.items():
         found.update(f"{name}{values.shape}".encode())
@@ -2391,7 +2505,8 @@ class Proved:
         inside: solutions of pieces that strictly satisfy all inequalities.
         border: states of pieces satisfying an inequality only within the error bounds; each may
             or may not be a solution.
-        singular: statuses (m,) of pieces that may contain one solution, none or a continuum.
+        singular: statuses of pieces that may contain one solution, none or a continuum, shape (m,)
+            each.
         open_regions: sets of statuses (in space, cells) about which nothing is proved.
         at_rest: whether the load vanishes, so that a = 0 is the only solution.
     """
@@ -2446,16 +2561,16 @@ class _Region:
     """Node of the search tree: remaining statuses or cells, and bounds of the solutions there."""
 
     def dual(self, y: Array) -> Any:
-        """Return a vector of multipliers as a `Dual` or `SpaceDual` of this problem."""
+        """Return the `Dual` or `SpaceDual` of a vector of multipliers."""
         raise NotImplementedError
 
     @property
     def limits(self) -> tuple[Any, Array]:
-        """Remaining statuses or cells, and their bounds, as arguments for methods of the dual."""
+        """Remaining statuses or cells, and their bounds: first arguments of methods of the dual."""
         raise NotImplementedError
 
     def excluded(self, y: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Return the mask of the statuses (m, 7) or cells (k,) that a vector excludes.
+        """Return a mask of the excluded statuses, shape (m, 7), or cells, shape (k,).
 
         Args:
             y: multipliers, shape (dim m,).
@@ -2486,7 +2601,10 @@ class StatusRegion(_Region):
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
     def held(self, allowed: Masks) -> StatusRegion:
-        """Return a region with other allowed statuses (m,); bounds of unused quantities are 0."""
+        """Return the region with other allowed statuses as bit masks, shape (m,).
+
+        The bounds of quantities that vanish in all of them are set to 0.
+        """
         return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
     @property
@@ -2507,7 +2625,7 @@ class StatusRegion(_Region):
         return self.allowed, self.ub
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether the mask (m, 7) excludes all remaining statuses of some point."""
+        """Return whether a mask, shape (m, 7), excludes all remaining statuses of some point."""
         return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
     def limit(self, slot: int, point: int, value: float) -> None:
@@ -2516,10 +2634,10 @@ class StatusRegion(_Region):
         self.ub[slot, point] = max(min(self.ub[slot, point], value), 0.0)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[StatusRegion]:
-        """Return the region without some statuses.
+        """Return the region after the exclusion of some statuses, checking that it is proved.
 
         Args:
-            what: pairs of a point and a status.
+            what: pairs of a point and a status to be excluded.
             excluded: mask of the statuses whose exclusion is proved, shape (m, 7).
 
         Raises:
@@ -2533,7 +2651,7 @@ class StatusRegion(_Region):
         return [self.held(allowed)]
 
     def branched(self, step: dict[str, Any]) -> list[StatusRegion]:
-        """Return the parts of the region after a step ``branch``, last part first.
+        """Return the parts into which a step ``branch`` divides the region, the last part first.
 
         Raises:
             InvalidCertificate: if the parts do not cover all remaining statuses of the point.
@@ -2550,7 +2668,7 @@ class StatusRegion(_Region):
         return parts
 
     def opened(self, _: dict[str, Any]) -> Masks:
-        """Return the statuses about which nothing is proved, as bit masks, shape (m,)."""
+        """Return the allowed statuses as bit masks, shape (m,); nothing is proved about them."""
         return self.allowed
 
     def only(self, step: dict[str, Any]) -> PieceSolution:
@@ -2579,7 +2697,7 @@ class OpenCells:
 
     Attributes:
         cells: cells of all points.
-        most: bounds of the quantities (MOST, m) in these cells, in scaled units.
+        most: upper bounds of the quantities in these cells, in scaled units, shape (MOST, m).
         why: reason why nothing is proved, human-readable.
     """
 
@@ -2589,7 +2707,10 @@ class OpenCells:
 
     @property
     def statuses(self) -> Masks:
-        """Remaining statuses of the points as bit masks (m,); status 2 denotes slip or closed."""
+        """Remaining statuses of the points as bit masks, shape (m,).
+
+        Status 2 denotes slip, or contact of a point without Coulomb friction.
+        """
         masks = np.zeros(self.most.shape[1], dtype=np.int64)
         np.bitwise_or.at(masks, self.cells.node, np.array([1, 2, 4, 4])[self.cells.kind])
         return masks
@@ -2602,7 +2723,7 @@ class SpaceRegion(_Region):
     Attributes:
         problem: scaled reduced problem.
         cells: remaining cells, at least one at every point.
-        most: upper bounds of the quantities (MOST, m).
+        most: upper bounds of the quantities, shape (MOST, m).
     """
 
     problem: ReducedProblem
@@ -2617,7 +2738,7 @@ class SpaceRegion(_Region):
         return cls(problem, Cells.whole(problem), bounded_in_space(problem))
 
     def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
-        """Return the region with the cells selected by the mask ``keep`` (k,)."""
+        """Return the region with the cells selected by a mask, shape (k,)."""
         return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
 
     @property
@@ -2633,7 +2754,7 @@ class SpaceRegion(_Region):
         return self.cells, self.most
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether the mask (k,) excludes all cells of some point."""
+        """Return whether a mask, shape (k,), excludes all cells of some point."""
         return bool(np.logical_and.reduceat(excluded, self.cells.first).any())
 
     def limit(self, quantity: int, point: int, value: float) -> None:
@@ -2642,10 +2763,12 @@ class SpaceRegion(_Region):
         self.most[quantity, point] = min(self.most[quantity, point], value)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[SpaceRegion]:
-        """Return the region without some cells; an empty list if no cell of a point remains.
+        """Return the region after the exclusion of some cells, checking that it is proved.
+
+        The list is empty if no cell of a point remains.
 
         Args:
-            what: indices of the cells.
+            what: indices of the cells to be excluded.
             excluded: mask of the cells whose exclusion is proved, shape (k,).
 
         Raises:
@@ -2660,7 +2783,7 @@ class SpaceRegion(_Region):
         return [left] if len(left.cells.first) == self.problem.points else []
 
     def branched(self, step: dict[str, Any]) -> list[SpaceRegion]:
-        """Return the parts of the region after a step ``branch``, last part first.
+        """Return the parts into which a step ``branch`` divides the region, the last part first.
 
         Raises:
             InvalidCertificate: if the parts do not cover all cells of the point.
@@ -2681,7 +2804,7 @@ class SpaceRegion(_Region):
         return parts
 
     def opened(self, step: dict[str, Any]) -> OpenCells:
-        """Return the cells about which nothing is proved, with the reason."""
+        """Return the remaining cells and the reason why nothing is proved about them."""
         return OpenCells(self.cells, self.most, str(step["why"]))
 
     def only(self, step: dict[str, Any]) -> SpacePiece:
@@ -2816,12 +2939,15 @@ def follow(
 def _all_pieces(
     certificate: Certificate, singular: list[Any], region: StatusRegion, proved: Proved
 ) -> None:
-    """Solve all pieces of a leaf; vectors may prove that singular pieces are empty.
+    """Solve all pieces of a region that is closed by the step ``pieces``.
+
+    Singular pieces are skipped if vectors prove that they contain no solution.
 
     Args:
         certificate: proof containing the vectors.
-        singular: pairs of the statuses of a singular piece and the index of a vector.
-        region: region of the leaf.
+        singular: pairs of the statuses of a singular piece and the index of the vector that proves
+            it empty.
+        region: region to be closed.
         proved: container to which the proved statements are added.
     """
     if region.pieces > MOST_PIECES:
@@ -2842,7 +2968,7 @@ def _all_pieces(
 
 
 def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
-    """Return the statuses of a step (m,), after checking that the points admit them."""
+    """Return the statuses of a step, shape (m,), after checking that the laws admit them."""
     codes = step["codes"]
     if len(codes) != problem.points:
         raise InvalidCertificate("statuses do not fit")
@@ -2912,7 +3038,10 @@ def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Ball]]:
 
 
 def _sum_of(forces: Ball, unit: float) -> str:
-    """Return the sum of forces as text, with an error bound that includes rounding to 12 digits."""
+    """Return the sum of forces as text.
+
+    Its error bound includes the rounding to 12 digits.
+    """
     total = np.ones(len(forces.value)) @ forces
     value = unit * float(total.value)
     shown = f"{value:.12g}"

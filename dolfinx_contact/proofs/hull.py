@@ -44,10 +44,10 @@ class Hull:
     Args:
         problem: scaled problem.
         cells: cells of the region.
-        most: bounds of the quantities (MOST, m).
+        most: upper bounds of the quantities (`check_proof`), shape (MOST, m).
 
     Attributes:
-        corners: states (a, r) of the columns, shape (k, 6).
+        corners: state (a, r) of a point for each of the k columns of the program, shape (k, 6).
         cell: index of the cell of each column, shape (k,); -1 for shears with a prescribed bound.
         node: index of the contact point of each column, shape (k,).
     """
@@ -80,11 +80,13 @@ class Hull:
 
     @property
     def count(self) -> int:
-        """Number of solved programs."""
+        """Number of linear programs solved so far."""
         return self._simplex.count
 
     def empty(self, cell: int | None = None) -> Array | None:
-        """Return multipliers y (3 m,) that exclude all solutions; None if the program is feasible.
+        """Return multipliers y, shape (3 m,), that exclude all solutions.
+
+        None if the program is feasible.
 
         Args:
             cell: index of the only cell allowed at its point; by default all cells are allowed.
@@ -97,7 +99,7 @@ class Hull:
         return None if y is None else self._scaled(-y)
 
     def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
-        """Return multipliers y (3 m,) bounding a quantity from above; None if not found.
+        """Return multipliers y, shape (3 m,), that bound a quantity from above; None if not found.
 
         Args:
             quantity: index of the quantity (`check_proof.MOST`).
@@ -123,7 +125,7 @@ class Hull:
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Displacements and forces at the solution of the last program, (m, 3) each."""
+        """Displacements and forces at the solution of the last program, shape (m, 3) each."""
         x = self._simplex.point[:, None] * self.corners
         found = np.zeros((self.problem.points, 6))
         np.add.at(found, self.node, x)
@@ -131,7 +133,7 @@ class Hull:
 
 
 def _value(corners: Array, quantity: int) -> Array:
-    """Return a quantity at the corners; s is the length of ut."""
+    """Return the quantity with a given index at each corner; s is the length of ut."""
     if quantity == OF_UN:
         return corners[:, 2]
     if quantity < OF_UN:
@@ -142,7 +144,11 @@ def _value(corners: Array, quantity: int) -> Array:
 
 
 def _corners(problem: ReducedProblem, cells: Cells, most: Array) -> tuple[Array, Ints]:
-    """Return the corners (k, 6) of all cells and the indices of their cells (k,), sorted."""
+    """Return the corners of the polytopes of all cells, sorted by cell.
+
+    Returns:
+        States (a, r) of the corners, shape (k, 6), and indices of their cells, shape (k,).
+    """
     parts = []
     numbers = []
     made = (_of_open, _of_stick, _of_slip, _of_closed)
@@ -166,7 +172,15 @@ def _of_closed(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -
 
 
 def _boxes(nodes: Ints, most: Array, column: int, low: Array, high: Array) -> Array:
-    """Return the corners (k, 8, 6) of boxes in ut and one normal component (un or rn)."""
+    """Return the corners of boxes of ut and one normal component, shape (k, 8, 6).
+
+    Args:
+        nodes: indices of the k points.
+        most: upper bounds of the quantities, shape (MOST, m).
+        column: column of the normal component in a state (a, r): 2 for un, 5 for rn.
+        low: smallest value of this component at each point, shape (m,).
+        high: largest value, shape (m,).
+    """
     found = np.zeros((len(nodes), 8, 6))
     corner = np.arange(8)
     for c in (0, 1):

@@ -48,7 +48,8 @@ class OnlySolution:
     Attributes:
         verdict: verdict as in `results.uniqueness.Uniqueness`.
         reason: reason for the verdict, human-readable.
-        other: statuses (m,) and state (m, 2 dim) of a second solution; None if no other is known.
+        other: statuses, shape (m,), and state, shape (m, 2 dim), of a second solution; None if none
+            is known.
         certificate: proof of uniqueness; None without a proof.
     """
 
@@ -65,7 +66,7 @@ def is_only(
 
     Args:
         problem: reduced problem.
-        solution: statuses of the solution (m,) in 2D, its state (m, 6) in 3D.
+        solution: statuses of the solution, shape (m,), in 2D; its state, shape (m, 6), in 3D.
         proof_seconds: time limit of branch and bound if the certificate of one point fails; by
             default 0. If positive, the other methods use more starts and iterations.
     """
@@ -107,7 +108,7 @@ def is_only(
 def _of_one_point(
     problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    """Return a proof consisting of a single step; None if that step fails."""
+    """Return a proof that consists of a single step ``only``; None if that step fails."""
     search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
     region = whole_region(search.problem)
     if search.step(region, do="rest") is not None:
@@ -120,7 +121,10 @@ def _of_one_point(
 def _another(
     problem: ReducedProblem, solution: Any, starts: int, units: Array
 ) -> PieceSolution | SpacePiece | None:
-    """Return another proved solution that strictly satisfies its inequalities, or None."""
+    """Search for another solution that provably and strictly satisfies its inequalities.
+
+    None if none is found.
+    """
     random = np.random.default_rng(0)
     pieces: Any
     if problem.dim == 2:
@@ -137,7 +141,7 @@ def _another(
 
 
 def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
-    """Return whether statuses (in 2D) or states (in 3D) agree with the solution."""
+    """Return whether the statuses (in 2D) or the state (in 3D) agree with the solution."""
     if dim == 2:
         return np.array_equal(codes, solution)
     for part in (slice(0, 3), slice(3, 6)):

@@ -40,13 +40,13 @@ def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
 
 
 def _directions(slips: Mask, z: Array) -> Array:
-    """Return the slip directions of the unknowns z, shape (m, 2); 0 at points that do not slip."""
+    """Return slip directions for the unknowns z, 0 at points that do not slip, shape (m, 2)."""
     e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
     return np.where(slips[:, None], e, 0.0)
 
 
 def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array:
-    """Return the unknowns (m, 3) of a piece (`check_proof`) at displacements and forces."""
+    """Return the unknowns of a piece for given displacements and forces, shape (m, 3)."""
     opened = IS_OPEN[codes]
     stuck = (codes == 1) | (codes == 4)
     slips = _slips(problem, codes)
@@ -90,14 +90,14 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
 
 
 def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
-    """Return displacements and forces, (m, 3) each, for the unknowns of a piece."""
+    """Return displacements and forces for the unknowns of a piece, shape (m, 3) each."""
     e = _directions(_slips(problem, codes), z)
     state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
 
 
 def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -> Codes:
-    """Return the statuses (m,) of a solution."""
+    """Return the statuses of a solution, shape (m,)."""
     closed = r[:, 2] >= small
     still = np.hypot(a[:, 0], a[:, 1]) < small
     codes = np.where(closed, np.where(still, 1, 2), 0)
@@ -107,7 +107,9 @@ def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -
 
 
 def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
-    """Return the piece of an approximate solution with error bounds; None without a proof.
+    """Return the piece of an approximate solution, with error bounds of its exact solution.
+
+    None if the piece is not proved to have a solution there.
 
     Args:
         problem: scaled problem.
@@ -120,7 +122,7 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
 
 
 def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
-    """Return the allowed statuses (m,) that are nearest to displacements and forces."""
+    """Return the allowed status of each point closest to its displacement and force, shape (m,)."""
     codes = np.zeros(problem.points, dtype=np.int8)
     for i, allowed in enumerate(kinds):
         ut, rt = float(np.hypot(*a[i, :2])), float(np.hypot(*r[i, :2]))
@@ -161,7 +163,8 @@ def relaxed(
         z: unknowns of the initial piece, shape (m, 3); None if it has no solution.
 
     Returns:
-        Statuses (m,) and unknowns (m, 3); None instead of the unknowns if a piece was not solved.
+        Statuses, shape (m,), and unknowns, shape (m, 3); None instead of the unknowns if a piece
+        was not solved.
     """
     seen: set[bytes] = set()
     for _ in range(_ROUNDS):

@@ -114,12 +114,13 @@ class PlaneSearch(Search[StatusRegion]):
 
         Args:
             region: region.
-            hint: statuses (m,) at which Newton's method starts, or None.
+            hint: statuses at which Newton's method starts, shape (m,), or None.
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed; contributions of the points to the failure (m,), or None;
-            least eigenvalue of the weighted sum; statuses of the compared piece (m,), or the hint.
+            Whether the region is closed; contributions of the points to the failure, shape (m,), or
+            None; least eigenvalue of the weighted sum; statuses of the compared piece or the hint,
+            shape (m,).
         """
         starts = [*self._known, *(q.codes for q in self.proved.inside)]
         starts = [c for c in starts if (region.allowed >> c & 1).all()]
@@ -222,7 +223,7 @@ def _parts(mask: int, which: int) -> list[int]:
 
     Args:
         mask: remaining statuses as a bit mask.
-        which: slip (0 or 1) that remains with stick.
+        which: slip (0 if ut > 0, 1 if ut < 0) that remains with stick.
 
     Returns:
         Bit masks of the parts.
@@ -239,7 +240,7 @@ def _parts(mask: int, which: int) -> list[int]:
 
 
 def _order(region: StatusRegion) -> Ints:
-    """Return the undecided points in bisection order: the middle point, then both halves."""
+    """Return the undecided points: the middle one first, then those of both halves likewise."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
     spans = [(0, len(left))]
@@ -259,7 +260,7 @@ def _see(relaxation: Relaxation, possible: Mask) -> None:
 
     Args:
         relaxation: feasible linear program.
-        possible: mask by point and status (m, 7), to which the statuses are added.
+        possible: mask by point and status, to which the statuses are added, shape (m, 7).
     """
     positive = relaxation.point > _NOTHING
     off = (positive.T[:, None, :] & ~used(relaxation.problem)).any(axis=2)

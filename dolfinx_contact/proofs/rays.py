@@ -47,7 +47,7 @@ class ProvedRays:
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
-        rays: proved rays: statuses (m,) and dgamma, 1 or -1, of each.
+        rays: proved rays, each given by its statuses, shape (m,), and dgamma, 1 or -1.
         method: description of the proof, human-readable.
     """
 
@@ -106,7 +106,14 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
 def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
-    """Return the reduced problem with the stiffness S', the load q', and their error bounds."""
+    """Return the reduced problem with the stiffness S', the load q', and their error bounds.
+
+    Args:
+        whole: reduced problem of all points, with q as the load.
+        k: indices of the components of points at the apex.
+        e: indices of the free components, which are eliminated.
+        friction: friction coefficients of the points at the apex.
+    """
     S, q = whole.stiffness, whole.load
     reduced, load = S[np.ix_(k, k)], q[k]
     if len(e) == 0:
@@ -137,7 +144,8 @@ def prove_rays(
 
     Args:
         apex: reduced problem of the points at their apex.
-        known: known rays, each with statuses (m,) and dgamma; they shorten the search.
+        known: known rays, each given by its statuses, shape (m,), and dgamma; they shorten the
+            search.
         proof_seconds: time limit for each sign of dgamma.
     """
     given = apex.problem

@@ -31,10 +31,10 @@ _CYCLE = (0, 1, 2, 3, 4)
 
 
 class Relaxation(Tableau):
-    """Linear relaxation of a region; its tableau is kept from one linear program to the next.
+    """Linear relaxation of a region, whose tableau is reused from one linear program to the next.
 
-    The variable with the index k m + point is the quantity k of a point (`check_proof.bounded`).
-    The variable 6 m + point is rt of a point without friction, fixed at 0. The slacks of the hull
+    At point i, the variable with the index k m + i is the quantity k (`check_proof.bounded`), and
+    the variable 6 m + i is rt, fixed at 0, if the point has no friction. The slacks of the hull
     inequalities follow.
 
     Args:
@@ -81,7 +81,7 @@ class Relaxation(Tableau):
             self.hold(point, int(allowed[point]))
 
     def _conflicts(self, allowed: Masks) -> None:
-        """Collect pairs of mutually exclusive quantities, and points with the cycle inequality."""
+        """Collect the pairs of quantities that exclude each other, and the points with cycles."""
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
         self._pairs: list[tuple[int, int, Ints]] = []
@@ -108,7 +108,10 @@ class Relaxation(Tableau):
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def infeasible(self) -> Array | None:
-        """Return multipliers y (2 m,) that prove infeasibility; None if feasible or undecided."""
+        """Return multipliers y that prove infeasibility, shape (2 m,).
+
+        None if the program is feasible or this is undecided.
+        """
         for _ in range(60):
             identity = self._repair()
             if identity is not None:
@@ -118,7 +121,7 @@ class Relaxation(Tableau):
         return None
 
     def _multipliers(self, v: Array) -> Array:
-        """Return the multipliers y (2 m,) of an identity between the variables, scaled to 1."""
+        """Return the multipliers y of an identity of the variables, scaled to 1, shape (2 m,)."""
         m = self.m
         F = self.problem.friction
         for k, (members, parts) in enumerate(self._hull_terms):
@@ -133,7 +136,10 @@ class Relaxation(Tableau):
 
     @property
     def point(self) -> Array:
-        """Values of the bounded quantities (6, m); rn only for points without Coulomb friction."""
+        """Values of the bounded quantities at the present vertex, shape (6, m).
+
+        The value of rn is valid only at points without Coulomb friction.
+        """
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 
     def _separate(self) -> bool:

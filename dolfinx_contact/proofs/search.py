@@ -49,8 +49,8 @@ class SearchNode(Generic[R]):
     Attributes:
         region: remaining statuses or cells, with bounds of the solutions.
         depth: number of branchings above the node; by default 0.
-        hint: statuses (m,) at which Newton's method starts, taken from the parent node, in 2D; by
-            default None.
+        hint: in 2D, statuses at which Newton's method starts, taken from the parent node, shape
+            (m,); by default None.
     """
 
     region: R
@@ -93,7 +93,7 @@ class Search(Generic[R]):
         """Search for all solutions.
 
         Args:
-            known: known solutions, as statuses (m,) in 2D or states (m, 6) in 3D.
+            known: known solutions: statuses, shape (m,), in 2D, or states, shape (m, 6), in 3D.
         """
         region: Any = whole_region(self.problem)
         if self.step(region, do="rest") is not None:
@@ -135,8 +135,8 @@ class Search(Generic[R]):
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed; and the weights, None if the hypotheses of the
-            inequalities do not hold.
+            Whether the region is closed; and the weights, None if the conditions of the
+            inequalities are not provably satisfied.
         """
         items: dict[str, Any] = {"do": "only", "codes": piece.codes.tolist()}
         if isinstance(piece, SpacePiece):
@@ -161,8 +161,8 @@ class Search(Generic[R]):
             y: multipliers, shape (dim m,).
 
         Returns:
-            Mask of the excluded statuses (m, 7) or cells (k,), and whether the region is proved
-            empty.
+            Mask of the excluded statuses, shape (m, 7), or cells, shape (k,); and whether the
+            region is proved empty.
         """
         excluded = region.excluded(y, MARGIN)
         if not excluded.any():

@@ -35,9 +35,9 @@ class Simplex:
     """Linear program with warm starts from the last basis.
 
     Args:
-        A: matrix (n, k) of the constraints.
+        A: matrix of the n constraints on k variables, shape (n, k).
         b: right-hand side, shape (n,).
-        groups: indices of the first columns of the groups, in increasing order.
+        groups: index of the first column of each group, in increasing order.
     """
 
     def __init__(self, A: Array, b: Array, groups: Ints):
@@ -56,7 +56,7 @@ class Simplex:
         self.count = 0
 
     def solve(self, usable: Mask) -> Array | None:
-        """Return multipliers y (n,) that prove infeasibility; None if a feasible point is found.
+        """Return multipliers y that prove infeasibility, shape (n,); None if feasible.
 
         Args:
             usable: mask of the usable columns, shape (k,).
@@ -76,7 +76,9 @@ class Simplex:
         return None
 
     def least(self, cost: Array, usable: Mask) -> Array | None:
-        """Return multipliers (n,) of a nearly optimal lower bound; None if infeasible.
+        """Return multipliers of a nearly optimal lower bound of the cost, shape (n,).
+
+        None if the program is infeasible.
 
         Args:
             cost: cost of the columns, shape (k,).
@@ -102,7 +104,7 @@ class Simplex:
 
     @property
     def point(self) -> Array:
-        """Solution x (k,) of the last program."""
+        """Solution x of the last program, shape (k,)."""
         x = np.zeros(self._A.shape[1])
         x[self._basis] = self._x
         return np.maximum(x[: self._columns], 0.0)

@@ -39,7 +39,7 @@ class ProvedSolution:
 
     Attributes:
         codes: statuses, shape (m,).
-        state: (ut, un, rt, rn) of the points, shape (m, 2 dim).
+        state: displacements and forces (ut, un, rt, rn) of the points, shape (m, 2 dim).
         away: error bounds of the state, shape (m, 2 dim).
     """
 
@@ -82,7 +82,7 @@ class ProvedSolutions:
 
     @property
     def method(self) -> str:
-        """Method of the proof, human-readable."""
+        """Description of the method of the proof, human-readable."""
         steps = len(self.certificate.steps)
         if self.verdict == "complete":
             return f"a proof of {steps} {'step' if steps == 1 else 'steps'}"
@@ -104,8 +104,8 @@ def prove_solutions(
 
     Args:
         reduced: reduced problem with error bounds.
-        known: known solutions, as statuses (m,) in 2D or states (m, 6) in 3D, which shorten the
-            search; by default none.
+        known: known solutions, which shorten the search: statuses, shape (m,), in 2D, or states,
+            shape (m, 6), in 3D; by default none.
         proof_seconds: time limit in seconds, by default 60. Remaining regions are left open and
             searched by Newton's method, which may take a few more seconds.
         progress: whether to show the progress on the standard error stream; by default if the

@@ -142,7 +142,15 @@ class SpaceSearch(Search[SpaceRegion]):
     # -- leaves -----------------------------------------------------------------------------------
 
     def _any_only(self, region: SpaceRegion, point: State | None, effort: int) -> bool:
-        """Try to close a region by quadratic inequalities, for up to two pieces."""
+        """Try to close a region by quadratic inequalities; return whether it is closed.
+
+        They compare all solutions with the solution of a piece; up to two pieces are tried.
+
+        Args:
+            region: region.
+            point: displacements and forces from which a piece is computed, shape (m, 3) each.
+            effort: iterations of each search for weights.
+        """
         for number, piece in enumerate(self._candidates(region, point)):
             if number == 2 or self.late():
                 break
@@ -151,7 +159,7 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _candidates(self, region: SpaceRegion, point: State | None) -> Iterator[SpacePiece | None]:
-        """Yield pieces of known solutions, then a piece found by Newton's method at ``point``."""
+        """Yield pieces of known solutions, then a piece found by Newton's method from a state."""
         kinds = region.kinds
         seen = set()
         for a, r in self._known:
@@ -172,7 +180,10 @@ class SpaceSearch(Search[SpaceRegion]):
             yield None if z is None else solve_in_space(self.problem, codes, z)
 
     def _leaf(self, region: SpaceRegion, point: State) -> bool:
-        """Try to close a region by an interval matrix if every point has cells of one kind."""
+        """Try to close a region by an interval matrix; return whether it is closed.
+
+        This is possible only if every point has cells of one kind.
+        """
         kinds = region.kinds
         if any(len(allowed) > 1 for allowed in kinds) or (self.problem.g > 0).any():
             return False
@@ -204,7 +215,7 @@ class SpaceSearch(Search[SpaceRegion]):
                 return None
 
     def _exclude_cells(self, region: SpaceRegion, hull: Hull) -> bool:
-        """Try to exclude each cell of undecided points; return whether the region is empty."""
+        """Try to exclude each cell of undecided points; return whether the region is empty now."""
         cells, alive = hull.cells, hull.alive
         for k in np.argsort(-cells.kind, kind="stable"):
             if not alive[k] or (alive & (cells.node == cells.node[k])).sum() == 1:
@@ -224,7 +235,11 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _lower_bounds(self, region: SpaceRegion, hull: Hull, *, all_points: bool) -> float:
-        """Lower the bounds of quantities; return the gain, a sum of logarithms of ratios."""
+        """Lower the bounds of quantities by linear programs.
+
+        Returns:
+            Sum of the logarithms of the ratios of old to new bounds.
+        """
         gained = 0.0
         for i, kinds in enumerate(region.kinds):
             if len(kinds) > 1 and not all_points:
@@ -296,7 +311,7 @@ class SpaceSearch(Search[SpaceRegion]):
 def _quantities(
     region: SpaceRegion, i: int, kinds: frozenset[int]
 ) -> list[tuple[int, tuple[int, ...]]]:
-    """Return the quantities to be bounded at a point, with the corresponding kinds of cells."""
+    """Return pairs of a quantity to be bounded at a point and the kinds of cells that have it."""
     wanted: list[tuple[int, tuple[int, ...]]] = []
     coulomb = region.problem.friction[i] > 0
     if IN_OPEN in kinds or not coulomb:
@@ -322,14 +337,20 @@ def _kind(code: int, friction: float) -> int:
 
 
 def _measure(region: SpaceRegion) -> float:
-    """Return the logarithm of the size of a region: the product of cell sizes over points."""
+    """Return the logarithm of the size of a region.
+
+    The size is the product, over the points, of the summed sizes of their cells.
+    """
     cells = region.cells
     sizes = np.where(cells.kind == IN_SLIP, 0.3 + cells.ends[:, 1] - cells.ends[:, 0], 1.0)
     return float(np.log(np.bincount(cells.node, sizes)).sum())
 
 
 def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> float:
-    """Return the slip angle at a state, or the middle of the arcs if it is not in an arc."""
+    """Return the slip angle of a point in the state (a, r), if it lies in the hull of its arcs.
+
+    Otherwise return the middle of the hull. ``angle`` is used where the state defines no direction.
+    """
     hull = region.cells.hull(i)
     assert hull is not None
     x, y = rays(np.array([hull[0], hull[0] + hull[1]])).T
@@ -343,7 +364,7 @@ def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> fl
 
 
 def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array) -> Array:
-    """Return the violation of the law at each point (m,); -1 where branching is impossible."""
+    """Return the violation of the law at each point, -1 if it cannot be branched, shape (m,)."""
     cells = region.cells
     F = problem.friction
     slid = np.hypot(a[:, 0], a[:, 1])

@@ -32,7 +32,7 @@ _SAME = 1e-6
 
 
 class _Batch:
-    """Equations of Newton's method for a batch of k forces."""
+    """Equations of Newton's method for k starts at once; each start is a vector of forces."""
 
     def __init__(self, problem: ReducedProblem, rho: Array):
         self.problem = problem
@@ -56,7 +56,13 @@ class _Batch:
         return r - coulomb.allowed(*self._flat(z)).reshape(r.shape)
 
     def steps(self, r: Array, rho: Array, left: Array) -> Array:
-        """Return the Newton step of each start for the residuals ``left``, shape (k, 3 m)."""
+        """Return the Newton step of each start, shape (k, 3 m).
+
+        Args:
+            r: forces, shape (k, 3 m).
+            rho: factor from displacements to forces.
+            left: residuals, shape (k, 3 m).
+        """
         k, n = r.shape
         D = coulomb.derivative(*self._flat(self.pulled(r, rho))).reshape(k, n // 3, 3, 3)
         T = np.eye(n) - rho[:, None, None] * self.inverse
@@ -120,7 +126,10 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
 def forces_within(
     problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
 ) -> Array:
-    """Return random forces within cells, cycling through the regions, shape (number, 3 m)."""
+    """Return random forces, each within the cells of one region, shape (number, 3 m).
+
+    The regions take turns.
+    """
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
     order = random.permutation(len(regions))
@@ -143,7 +152,10 @@ def forces_within(
 
 
 def _drawn(cells: Cells, random: np.random.Generator) -> Ints:
-    """Draw one cell index for every point (m,); all kinds of cells are equally likely."""
+    """Draw the index of one cell for every point, shape (m,).
+
+    All kinds of cells at a point are equally likely.
+    """
     kinds = 4 * cells.node + cells.kind
     # For uniform u, the largest u^(1/w) selects an item with probability proportional to w.
     key = random.random(len(cells)) ** np.bincount(kinds)[kinds]
@@ -157,13 +169,13 @@ def many_solutions(
     random: np.random.Generator,
     regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
-    """Return distinct solutions: displacements and forces, (m, 3) each.
+    """Return distinct solutions: displacements and forces of each, shape (m, 3).
 
     Args:
         problem: scaled problem.
         number: number of starts.
         random: generator of the starts.
-        regions: regions in which the starts are drawn, cyclically; by default everywhere.
+        regions: regions that take turns in providing the starts; by default no restriction.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:
@@ -184,7 +196,7 @@ def many_solutions(
 
 
 def _violation(problem: ReducedProblem, a: Array, r: Array) -> float:
-    """Return the violation of the laws by a state."""
+    """Return the size of the violation of the contact laws by a state (a, r)."""
     size = np.hypot(a[:, 0], a[:, 1])
     limit = problem.friction * r[:, 2] + problem.g
     along = np.where(size > 1e-9, 1.0, 0.0) / np.maximum(size, 1e-300)

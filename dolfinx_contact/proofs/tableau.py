@@ -29,7 +29,8 @@ class Tableau:
         basic: indices of the basic variables, shape (k,).
         free: number n of the nonbasic variables, which have the indices 0 to n - 1.
         up: upper bounds of all variables.
-        sure: smallest violation for which a row counts as a proof of infeasibility; by default 0.
+        sure: violation of its bounds above which a row counts as a proof of infeasibility; by
+            default 0.
 
     Attributes:
         lost: whether the last program ended without an answer, at the limit of iterations.
@@ -62,7 +63,10 @@ class Tableau:
         return x
 
     def _identity(self, r: int, sign: float) -> Array:
-        """Return the coefficients of all variables in the identity of row ``r``, times ``sign``."""
+        """Return ``sign`` times the coefficients of the identity that row ``r`` states.
+
+        The identity is a linear combination of all variables.
+        """
         v = np.zeros(len(self._up))
         v[self._nonbasic] = -sign * self._T[r]
         v[self._basic[r]] += sign

@@ -62,7 +62,8 @@ def maximise(
         until: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Best value of the smallest eigenvalue, with its variables (k,) and eigenvector (n,).
+        Largest value of the smallest eigenvalue that was found; its variables, shape (k,); and its
+        eigenvector, shape (n,).
     """
     best: tuple[float, Array, Array] = (-np.inf, x, np.zeros(0))
 
@@ -99,7 +100,7 @@ class Weights:
     Attributes:
         proof: weights, theta (in 2D) and mu of a step ``only`` of a proof; None if none was found.
         least: smallest eigenvalue of the scaled sum.
-        bad: share of each point in the eigenvector of `least`, shape (m,); only in 2D.
+        bad: contribution of each point to the eigenvector of `least`, only in 2D, shape (m,).
     """
 
     proof: dict[str, Any] | None
@@ -168,8 +169,8 @@ class _PlaneForm:
     """Scaled quadratic form in 2D as a function of the logarithms of the weights and F theta.
 
     Args:
-        A, B: rows and tilts of the free components (n, n), see `Differences`.
-        k1, k2: coefficients of the squares (n,), see `Differences`.
+        A, B: rows and tilts (`Differences`) of the n free components, shape (n, n) each.
+        k1, k2: coefficients of the squares (`Differences`), shape (n,) each.
         tilted: mask of the rows with a theta, shape (n,).
         friction: friction coefficient at the point of each row, shape (n,).
     """
@@ -262,7 +263,7 @@ def _in_space(d: SpaceDifferences, effort: int, until: float) -> Weights:
 
 
 def _free_rows(d: SpaceDifferences) -> Array | None:
-    """Return the map from free components of d to (d, e) of the points (m, 6, n).
+    """Return the matrices (m, 6, n) that map the free components of d to (d, e) at each point.
 
     None if the block of S for the vanishing components is singular.
     """
@@ -283,7 +284,7 @@ def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenva
     """Return the scaled quadratic form in 3D as a function of the logarithms of the weights.
 
     Args:
-        rows: map from the free components of d to (d, e) of the points, shape (m, 6, n).
+        rows: matrices that map the n free components of d to (d, e) at each point, shape (m, 6, n).
         forms: quadratic forms of (d, e) at single points, shape (k, 6, 6).
         norms: norms by which the weights of the forms are divided, shape (k,).
         point: index of the point of each form, shape (k,).

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Array files of a record: one NumPy ``npz`` file for every point with arrays.
+"""Array files of a record: NumPy ``npz`` files, one for each point that stores arrays.
 
 A file is written under a hidden name and renamed after it has been flushed to disk. The journal
-stores the fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays. Thus a
-replaced file is detected without reading its arrays, and a damaged array when it is read.
+stores the fingerprint of every file, which is a checksum of the names, sizes and CRCs of its
+arrays. A replaced file is therefore detected without reading its arrays; a damaged array is
+detected when it is read.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ def load(file: Path, recorded: str) -> Arrays:
 
     Args:
         file: path of the file.
-        recorded: fingerprint in the journal.
+        recorded: fingerprint that is stored in the journal.
 
     Raises:
-        DamagedFile: if the file is missing, damaged, or has another fingerprint.
+        DamagedFile: if the file is missing or damaged, or has a different fingerprint.
     """
     check(file, recorded)
     try:
@@ -67,7 +68,7 @@ def load(file: Path, recorded: str) -> Arrays:
 
 
 def check(file: Path, recorded: str) -> None:
-    """Raise `DamagedFile` if a file is missing or has another fingerprint. On one rank."""
+    """Raise `DamagedFile` if a file is missing or has a different fingerprint. On one rank."""
     if not file.is_file():
         raise DamagedFile(f"{file} is missing")
     try:

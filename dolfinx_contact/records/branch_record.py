@@ -2,8 +2,8 @@
 """Record of branches, from which an interrupted continuation can be resumed.
 
 The journal contains gamma, functionals, statuses, step data and special points of every accepted
-point. Checkpoints with unknowns and tangent are written at some points only, because a branch
-resumed from a checkpoint passes through the same points.
+point. Checkpoints with unknowns and tangent are written at some points only. This is sufficient,
+because a branch that is resumed from a checkpoint passes through the same points again.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class BranchRecord(Record[Journal]):
     killed and some of its ranks survive, they keep the lock until they are terminated.
 
     A record can only be resumed with the same problem. It stores a manifest: the mesh, the forms
-    and their domains of integration, Dirichlet conditions and the expressions that drive them,
+    and their domains of integration, Dirichlet conditions and expressions of gamma in them,
     surfaces and laws, the values of all Constants and Functions, the memory of a step, and the
     names of the functionals. The manifest is compared once on resumption; an error names the first
     difference.
@@ -59,9 +59,9 @@ class BranchRecord(Record[Journal]):
     Args:
         folder: folder of the record, created if necessary.
         system: contact problem with a parameter whose branches are followed.
-        functionals: functions of the problem by name that return a real number and are called on
-            every rank. A record must be resumed with the same functionals, which are compared by
-            name only.
+        functionals: functions by name, which are called on every rank with the contact problem and
+            return a real number. A record must be resumed with the same functionals, but only their
+            names are compared.
         every: number of points between two checkpoints; default: 10. Checkpoints are also written
             at special points and at both ends.
         surface_displacement: whether the displacement of the outer surface is recorded at every
@@ -148,7 +148,7 @@ class BranchRecord(Record[Journal]):
     # -- Observer --------------------------------------------------------------------------------
 
     def begin(self, task: Task, state: Stepping) -> None:
-        """Record the beginning of a branch, or compare its task with the recorded task."""
+        """Record the beginning of a branch, or compare it with the recorded beginning."""
         self._branch = task.branch
         self._last = None
         self._begin(vars(task), free=("max_steps", "to_node"))
@@ -206,7 +206,7 @@ class BranchRecord(Record[Journal]):
             self._append({"type": "explored", **vars(ended)})
 
     def _write_point_fields(self, name: str, point: BranchPoint) -> dict[str, str]:
-        """Write unknowns and tangent of a point, and return the keys. Collective."""
+        """Write a checkpoint of a point; return its items for the journal. Collective."""
         arrays = self._states.of_vectors(self._entries.split(point))
         keys = self._write_arrays("checkpoint", name, arrays)
         self._entries.put(point)  # observers are called with the point in the problem
@@ -228,7 +228,7 @@ class BranchRecord(Record[Journal]):
         return self._last_undamaged(known.kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """Return a point with its fields and the step data for continuation. Collective.
+        """Return a point with unknowns and tangent, and step data for continuation. Collective.
 
         Raises:
             ValueError: on every rank, if the point has no checkpoint, or the checkpoint is damaged.
@@ -242,7 +242,7 @@ class BranchRecord(Record[Journal]):
         return point, stepping
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
-        """Return all points of a branch that have a checkpoint, with their fields. Collective."""
+        """Return the points of a branch that have a checkpoint, with unknowns. Collective."""
         return [self.state(branch, index)[0] for index in self.journal.branches[branch].kept]
 
     def go_on(
@@ -264,8 +264,8 @@ class BranchRecord(Record[Journal]):
             max_steps: new maximum number of steps, counted from the start of the branch; default:
                 the recorded number.
             stop: stop condition of the original run, if any.
-            observer: function called with every point after the last checkpoint, after the point
-                has been recorded.
+            observer: function called with every point computed by this call, after the point has
+                been recorded.
             progress: whether rank 0 shows the progress, see `follow`.
 
         Returns:
@@ -319,7 +319,7 @@ class BranchRecord(Record[Journal]):
 
 
 def _size(node: Mapping[str, Any]) -> int:
-    """Return the number of rays of a node plus the number of branches that follow them."""
+    """Return the number of rays of a node plus the number of rays followed by a branch."""
     return len(node["rays"]) + sum(edge is not None for edge in node["edges"])
 
 

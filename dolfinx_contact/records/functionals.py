@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functionals of branches for records and journals: functions of the problem.
+"""Functionals: functions of the problem that records and journals evaluate at points.
 
 The functionals `leftmost`, `rightmost` and `total` are evaluated at contact points; `ut` and `rt`
 are tangential components in 2D and norms in 3D.
@@ -76,7 +76,7 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> Function
 
 
 def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], float]) -> Functional:
-    """Create a functional that applies ``value`` to a column of a contact table and the table."""
+    """Create a functional: ``value`` of two arguments, column of a contact table and table."""
     if quantity not in ("un", "ut", "rn", "rt"):
         raise ValueError(f"the quantity must be un, ut, rn or rt, got {quantity!r}")
 

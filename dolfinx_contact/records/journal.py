@@ -13,10 +13,11 @@ A journal has one JSON object per line, and lines are only appended. The item `t
     edge      branch of a diagram with its nodes
     explored  end of the exploration of a diagram
 
-A point contains the number of its `branch`, its `index`, the `status` of all contact points as
-letters (only if it differs from the previous point of the branch), and the `ending` and `reason` of
-a branch or run that ends there. `checkpoint` and `surface` are the names of its files, `sum` and
-`surface_sum` their fingerprints. The remaining columns depend on the kind of the journal:
+The entry of a point contains the number of its `branch`, its `index`, the `status` of all contact
+points as letters (only if it differs from the previous point of the branch), and the `ending` and
+`reason` if the branch or run ends there. `checkpoint` and `surface` are the names of its array
+files, `sum` and `surface_sum` the fingerprints of these files. The remaining columns depend on the
+kind of the journal:
 
 - Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
   `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
@@ -82,11 +83,11 @@ _CRC = ', "crc": "'
 
 
 class _ArrayKind(NamedTuple):
-    """Location of one kind of array files, which belong to the points of a record.
+    """Location of one kind of array file; such files belong to points of a record.
 
     Attributes:
         folder: folder of the files.
-        checksum: item of the entry with the fingerprint of the file.
+        checksum: name of the item of an entry that contains the fingerprint of the file.
     """
 
     folder: str
@@ -101,7 +102,7 @@ ARRAYS = {
 
 
 def array_file(folder: Path, kind: str, name: str) -> Path:
-    """Return the path of the array file of a point; ``kind``: "checkpoint" or "surface"."""
+    """Return the path of the "checkpoint" or "surface" file of a point."""
     return folder / ARRAYS[kind].folder / f"{name}.npz"
 
 
@@ -123,7 +124,7 @@ class Entry(dict[str, Any]):
 
 
 def encoded(entry: Mapping[str, Any]) -> bytes:
-    """Return the line of an entry with its CRC; floats are written without loss of digits.
+    """Encode an entry as a line with a CRC; floats are written without loss of digits.
 
     Numbers that are not finite are written as NaN and Infinity, as in Python's JSON.
     """
@@ -143,12 +144,12 @@ def _plain(value: Any) -> Any:
 
 
 def reread(entry: Mapping[str, Any]) -> Entry:
-    """Return an entry as it is read back after writing."""
+    """Return an entry in the form in which it is read from a journal."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
 def _decoded(line: bytes) -> Entry:
-    """Return the entry of a line.
+    """Decode a line of a journal and return its entry.
 
     Raises:
         ValueError: if its CRC is wrong.
@@ -165,14 +166,14 @@ def _decoded(line: bytes) -> Entry:
 
 @dataclass
 class RecordedRun(Ends):
-    """A recorded branch, or a recorded run of an evolution or path.
+    """Content of a journal about one branch, or about one run of an evolution or path.
 
     Attributes:
         task: attributes of the task by name; empty for a journal in memory.
-        points: entries of the points, in order; the first run begins with the start.
-        after: index of the initial state of a run; 0 for branches.
-        ending: kind of ending; None if the branch or run has not ended.
-        reason: reason for the ending, as a sentence.
+        points: entries of the points, in order; in the first run, the first entry is the start.
+        after: index of the recorded state from which a run starts; 0 for branches.
+        ending: kind of reason why the branch or run ended; None if it has not ended.
+        reason: description of this reason, as a sentence.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
@@ -197,11 +198,11 @@ class AnyJournal:
     """Common content of all journals.
 
     Attributes:
-        header: manifest of the problem, and positions of the contact points.
+        header: dictionary with the manifest of the problem and positions of the contact points.
         sessions: one dictionary per recording run, with ranks, versions and start time; the first
             one contains the fingerprint of the outer surface.
         branches: branches, or runs of an evolution or path, by number.
-        lines: number of complete lines.
+        lines: number of complete lines that were read or written.
         length: size of the complete lines in bytes when the journal was read.
         torn: whether the last line was incomplete when the journal was read.
         folder: folder of the record; None for a journal in memory only.
@@ -223,7 +224,10 @@ class AnyJournal:
 
     @property
     def places(self) -> dict[str, Array]:
-        """Coordinates (n, dim) of the contact points by surface, in the order of the statuses."""
+        """Coordinates of the n contact points of each surface, by name, shape (n, dim).
+
+        Points are in the order of their statuses in the entries.
+        """
         return {k: np.array(x, float) for k, x in self.header["points"].items()}
 
     @property
@@ -303,7 +307,7 @@ class AnyJournal:
                 check(array_file(self.folder, "surface", entry.surface), entry.surface_sum)
 
     def take(self, entry: Entry) -> None:
-        """Add the entry of the next line.
+        """Add the entry of the next line to the content.
 
         Raises:
             ValueError: if the line is a header of another kind or format.
@@ -329,7 +333,7 @@ class AnyJournal:
             raise ValueError(f"it is the journal of {header['of']}, not of {self.kind}")
 
     def _take(self, kind: str, entry: Entry) -> None:
-        """Add an entry that is neither a header nor a session."""
+        """Add an entry of any type except header and session."""
         number = entry.pop("branch")
         if kind == "begin":
             self.branches[number] = RecordedRun(entry.task, after=entry.after)
@@ -346,7 +350,7 @@ class AnyJournal:
             branch.end(Ending[entry.ending], entry.reason)
 
     def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
-        """Return the points of one branch or of all branches, with the numbers of the branches."""
+        """Return pairs of branch number and point, for one branch or for all branches."""
         if branch is not None and not (is_number(branch) and branch in self.branches):
             raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
         numbers = sorted(self.branches) if branch is None else [branch]
@@ -355,11 +359,11 @@ class AnyJournal:
 
 @dataclass
 class Explored(Ends):
-    """Ending of a recorded exploration of a diagram.
+    """End of a recorded exploration of a diagram.
 
     Attributes:
-        ending: kind of ending; None if the exploration has not ended.
-        reason: reason for the ending, as a sentence.
+        ending: kind of reason why the exploration ended; None if it has not ended.
+        reason: description of this reason, as a sentence.
         complete: whether all rays of every node are known and have been followed.
     """
 
@@ -375,7 +379,8 @@ class Journal(AnyJournal):
     Attributes:
         nodes: bifurcations of a diagram by number; empty if branches were followed one by one.
         edges: branches of a diagram with the nodes where they start and end, by number.
-        explored: ending of the exploration; empty if more entries have been recorded since.
+        explored: end of the exploration; without an ending if more entries have been recorded
+            since.
     """
 
     kind: ClassVar[str] = "branches"
@@ -390,7 +395,7 @@ class Journal(AnyJournal):
 
     @property
     def is_diagram(self) -> bool:
-        """Whether the branches belong to a diagram and end at its nodes."""
+        """Whether the branches were recorded as edges of a diagram, which end at its nodes."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
@@ -409,7 +414,9 @@ class Journal(AnyJournal):
         return _columns(rows, names)
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return a table with ``gamma``, the functionals, and ``status`` of the free points.
+        """Return a table with ``gamma``, the functionals, and ``status``, one row per point.
+
+        ``status`` contains the letters of the contact points that are not clamped.
 
         Args:
             branch: number of the branch; default: all branches.
@@ -420,7 +427,7 @@ class Journal(AnyJournal):
         ]
 
     def summary(self, branch: int = 0) -> dict[str, Any]:
-        """Return scalars and lists of a branch for `summary.json`.
+        """Summarise a branch by scalars and lists, for example for `io.write_summary`.
 
         The items are ``folds``, each with gamma, its kind (``"smooth"``, ``"nonsmooth"``) and the
         statuses of the free points before and after; the number of ``events``; the gammas of
@@ -449,9 +456,10 @@ class Journal(AnyJournal):
         """Return the special points as a pandas DataFrame.
 
         The columns are ``branch``, ``index`` of the following point, ``kind``, ``smooth``,
-        ``gamma``, ``parity``, ``others`` (number of other rays), ``complete``, ``bracket`` (the
-        values of gamma that enclose it; None if located), and ``changes``, a list of dictionaries
-        with the position ``x`` and the status ``before`` and ``after``.
+        ``gamma``, ``parity``, ``others`` (number of other rays), ``complete``, ``bracket`` (two
+        values of gamma between which the special point lies; None if it was located exactly), and
+        ``changes``, a list of dictionaries with the position ``x`` and the status ``before`` and
+        ``after``.
         """
         rows = [
             {"branch": b, "index": p.index, **s} for b, p in self._points(branch) for s in p.special
@@ -507,7 +515,7 @@ class EvolutionJournal(AnyJournal):
 
     @property
     def runs(self) -> list[RecordedRun]:
-        """Runs, in order."""
+        """Recorded runs, in the order in which they were made."""
         return [self.branches[number] for number in sorted(self.branches)]
 
     def entries(self, branch: int = 0) -> list[Entry]:
@@ -516,7 +524,7 @@ class EvolutionJournal(AnyJournal):
         return self.states
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return the rows of `History.rows` with ``status``: one for the start and each step.
+        """Return `History.rows` with ``status``: one row for the start and one per step.
 
         Args:
             branch: number of the run; default: all runs. The start is in the first run.
@@ -524,9 +532,9 @@ class EvolutionJournal(AnyJournal):
         return [p.row | {"status": p.status} for _, p in self._points(branch)]
 
     def loads(self) -> dict[str, Array]:
-        """Return the Constants that change, with their values at all states, by name.
+        """Return the Constants that change during the runs: values at all states, by name.
 
-        The names are those of messages, such as "point of HalfSpace of 'floor' y". Dirichlet
+        Constants are named as in messages, such as "point of HalfSpace of 'floor' y". Dirichlet
         values are the columns ``support_0_ux``, ... of `rows`. On a path, `gammas` is the load.
         """
         first = self.states[0].data if self.states else {}
@@ -555,17 +563,17 @@ class PathJournal(EvolutionJournal):
 
     @property
     def gammas(self) -> Array:
-        """Loads at the start and at all accepted points."""
+        """Load parameter gamma at the start and at all accepted points."""
         return np.array([s.gamma for s in self.states])
 
     @property
     def folds(self) -> list[dict[str, Any]]:
-        """Rows of the points at which the load turns back."""
+        """Rows of the points at which gamma turns back."""
         return [row for row in self.rows() if row["event"].endswith("fold")]
 
     @property
     def kinks(self) -> list[dict[str, Any]]:
-        """Rows of the points at which statuses change and the load continues."""
+        """Rows of the points at which statuses change and gamma does not turn back."""
         return [row for row in self.rows() if row["event"] == "kink"]
 
 

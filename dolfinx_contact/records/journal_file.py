@@ -66,10 +66,10 @@ class JournalFile(Generic[J]):
         journal: content of the file when it was opened.
 
     Raises:
-        FileExistsError: if ``resume`` is False and the journal has a complete line.
+        FileExistsError: if ``resume`` is False and the journal contains a complete line.
         FileNotFoundError: if ``resume`` is True and the journal does not exist or has no complete
             line.
-        BlockingIOError: if another run has the journal open, with the description of this run.
+        BlockingIOError: if another run has the journal open; the message describes the other run.
         OSError: if the journal cannot be opened, with the path.
         ValueError: if the journal is damaged or of another kind. The file is not changed.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The manifest of a record: mesh, forms and data of a contact problem as hashes and numbers.
+"""Manifest of a record: hashes and numbers that identify a contact problem.
 
 A record stores the manifest at its start and compares it once on resumption, so that a journal is
 not continued with another problem. The manifest does not depend on the number of ranks. It has
@@ -10,11 +10,11 @@ three sections, each a dictionary by the names of the items:
 - ``forms``: hashes of the UFL signatures of forms, obstacles and laws;
 - ``values``: Constants as numbers, Functions as random projections.
 
-The projections of a Function f are p_k = sum_cj v_kc w_kj f_cj over the coefficients j of all cells
-c, for two pairs of random weights in [-1, 1). Cells are numbered as in the input mesh. Two
-Functions are treated as equal if their projections agree to 1e-9 of sqrt(sum_cj f_cj^2). A hash of
-the values is not suitable, because values computed on different numbers of ranks differ in their
-last digits.
+A Function f with the coefficients f_cj, j = 1, 2, ..., in each cell c has the projections p_k =
+sum_cj v_kc w_kj f_cj for k = 1, 2. The weights v_kc and w_kj are random numbers in [-1, 1). Cells
+are numbered as in the input mesh. Two Functions are treated as equal if their projections agree to
+1e-9 of sqrt(sum_cj f_cj^2). A hash of the values is not suitable, because values computed on
+different numbers of ranks differ in their last digits.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def manifest_of(
         problem: contact problem.
         method: description of the method and its parameters.
         forms: additional UFL forms by name, such as a damping form.
-        driven: expressions defining Dirichlet data driven by a parameter.
+        driven: UFL expressions of a parameter that define Dirichlet data.
 
     Raises:
         ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
@@ -143,9 +143,9 @@ def values_of(
         but: Functions and Constants to omit, such as the parameter of a branch.
 
     Returns:
-        Dictionary with a description of each datum as key: a list of numbers for a Constant, a
-        dictionary with ``projections`` and ``scale`` for a Function. The prescribed displacement, 0
-        at free unknowns, is one of the Functions.
+        Dictionary whose keys describe the data. Values are lists of numbers for Constants, and
+        dictionaries with ``projections`` and ``scale`` for Functions. One of the Functions is the
+        prescribed displacement, which is 0 at free unknowns.
     """
     eq = problem.equations
     no_length = _NO_LENGTH * eq.body_size
@@ -198,7 +198,7 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Describe the first difference between two sections, with both values; "" without one."""
+    """Describe the first difference between two sections, with both values; "" if equal."""
     if recorded.get(_UFL) != now.get(_UFL):
         return ""  # signatures of the same form depend on the version of UFL
     for name in dict.fromkeys((*recorded, *now)):
@@ -227,7 +227,7 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether two values of a manifest agree: numbers to 1e-9, other values exactly."""
+    """Return whether two values of a manifest agree: numbers to 1e-9, others exactly."""
     if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
         tolerance = _TOLERANCE * max(a["scale"], b["scale"])
         return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
@@ -243,7 +243,7 @@ def _is_constant(value: Any) -> bool:
 
 
 def _both(recorded: Any, now: Any) -> str:
-    """Return both values in brackets; "" for hashes, projections and long values."""
+    """Return both values in brackets; "" if they are hashes, projections or too long."""
     words = [", ".join(map(repr, v)) if _is_constant(v) else str(v) for v in (recorded, now)]
     hidden = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
     if hidden or max(map(len, words)) > _LONGEST:
@@ -258,9 +258,9 @@ def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) 
     """Return two random projections of values at cells. Collective.
 
     Args:
-        domain: mesh.
-        values: values at the owned cells, shape (cells, values of a cell).
-        least: size below which values count as zero.
+        domain: mesh of the cells.
+        values: values at the owned cells, shape (cells, values per cell).
+        least: magnitude of values that count as zero when projections are compared.
     """
     cells = domain.topology.index_map(domain.topology.dim).size_global
     # the numbers of this generator do not depend on the version of NumPy
@@ -343,8 +343,8 @@ def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
 def _sliding(s: DiscreteSurface) -> list[Any]:
     """Describe the kind of sliding of a surface. Collective.
 
-    The items are the search distance, planes of symmetry and the removed overlap, and for
-    self-contact the direction selecting the slave facets.
+    The items are the search distance, planes of symmetry and the removed overlap; and for
+    self-contact the direction by which slave facets are selected.
     """
     kind: list[Any] = ["along its obstacle" if s.displaced is not None else "small"]
     if s.slides:

@@ -27,14 +27,14 @@ __all__ = ["BranchEntries", "journal_of"]
 
 
 class BranchEntries:
-    """Conversion between points of branches, journal entries and vectors. Collective.
+    """Conversion of points of branches to journal entries and vectors, and back. Collective.
 
     Args:
         system: contact problem with a parameter.
         functionals: functions that evaluate the functionals, by name (`evaluators`); default: none.
 
     Attributes:
-        vectors: work vectors for the tangent and the unknowns, by name.
+        vectors: work vectors for the tangent ("tangent") and the unknowns ("x"), by name.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class BranchEntries:
         self._layout = Layout(system)
 
     def split(self, point: BranchPoint) -> dict[str, PETSc.Vec]:
-        """Return tangent and unknowns of a point in the work vectors. Not collective."""
+        """Copy tangent and unknowns of a point to `vectors`; return these. Not collective."""
         for name, y in (("tangent", point.tangent), ("x", point.y)):
             self.vectors[name].array[:] = y.array_r[: self._layout.local]
         return self.vectors
@@ -65,7 +65,7 @@ class BranchEntries:
         }
 
     def joined(self, columns: Entry) -> BranchPoint:
-        """Return the branch point with the given columns and the vectors that were read last."""
+        """Return the branch point with these columns, and tangent and unknowns in `vectors`."""
         return BranchPoint(
             self._layout.joined(self.vectors["x"], columns.gamma),
             self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),
@@ -77,7 +77,7 @@ class BranchEntries:
         )
 
     def put(self, point: BranchPoint) -> None:
-        """Put a point into the Functions of the problem."""
+        """Write a point to the Functions of the problem."""
         self._system.put(self.split(point)["x"], point.gamma, point.piece)
 
     def destroy(self) -> None:
@@ -94,7 +94,8 @@ class BranchEntries:
             index: number of the point on its branch.
             point: point of a branch.
             special: special points between the previous point and this one.
-            x_scale: square of the unit length of the unknowns; 0 if it is unknown.
+            x_scale: square of the length of the unknowns that counts as one unit step; 0 if it is
+                unknown.
         """
         values = {}
         for name, functional in self._functionals.items():
@@ -137,7 +138,7 @@ class BranchEntries:
         }
 
     def _changes(self, changes: Sequence[Change]) -> list[dict[str, Any]]:
-        """Return the changes of statuses, in the order of coordinates. Collective."""
+        """Return the changes of statuses, sorted by the coordinates of the points. Collective."""
         if not changes:
             return []
         # every rank knows the positions of its own points only
@@ -172,7 +173,8 @@ def journal_of(
     A run cannot be resumed from this journal; use `BranchRecord` for a journal on disk.
 
     Args:
-        system: contact problem with a parameter, whose branches are given; its data are restored.
+        system: contact problem with a parameter to which the branches belong; its data are
+            restored.
         branches: branches, numbered in the given order.
         functionals: functionals by name, as for `BranchRecord`.
 

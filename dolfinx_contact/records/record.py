@@ -66,11 +66,11 @@ class Record(Observer, ABC, Generic[J]):
     Args:
         folder: folder of the record, created if necessary.
         problem: recorded contact problem.
-        kind: class of the journal.
+        kind: class of the journal, such as `Journal`.
         surface_displacement: whether the displacement of the outer surface is stored at every
             point. Ignored if a record is resumed, which keeps its original setting.
         resume: True to continue an existing record, False to begin a new one, ``"if_exists"`` to
-            continue a record if it exists and begin one otherwise.
+            continue the record if it exists and to begin a new one otherwise.
 
     Attributes:
         journal: content of the journal, on every rank.
@@ -121,10 +121,10 @@ class Record(Observer, ABC, Generic[J]):
 
     @abstractmethod
     def _header(self) -> dict[str, Any]:
-        """Return the manifest and the other items of the header. Collective.
+        """Return the items of the header, including the manifest. Collective.
 
         Raises:
-            ValueError: on every rank, if they differ from the recorded header.
+            ValueError: on every rank, if the items differ from the recorded header.
         """
 
     def _require_same(
@@ -146,10 +146,10 @@ class Record(Observer, ABC, Generic[J]):
         require(self.comm, not item, message)
 
     def _begin_session(self, new: Mapping[str, Any]) -> None:
-        """Write the header of a new record, and the line of a session. Collective.
+        """Write the header if the record is new, and a line for this session. Collective.
 
         Args:
-            new: items of a new header.
+            new: items of the header of a new record.
 
         Raises:
             ValueError: on every rank, if a recorded outer surface is missing or was replaced.
@@ -180,16 +180,16 @@ class Record(Observer, ABC, Generic[J]):
     # -- writing -----------------------------------------------------------------------------------
 
     def _begin(self, task: Mapping[str, Any], after: int = 0, *, free: Sequence[str] = ()) -> None:
-        """Record the beginning of a branch or run, or compare its task. Collective.
+        """Record the beginning of a branch or run, or compare it with the record. Collective.
 
         Args:
-            task: attributes of the task by name.
-            after: index of the initial state of a run.
-            free: attributes that may differ from the recorded task.
+            task: attributes of the task (range, step control and so on) by name.
+            after: index of the recorded state from which a run starts.
+            free: names of attributes that may differ from the recorded task.
 
         Raises:
-            ValueError: on every rank, if the branch or run began in an earlier session with another
-                task.
+            ValueError: on every rank, if the branch or run was begun with a different task in an
+                earlier session.
         """
         known = self.journal.branches.get(self._branch)
         if known is None:
@@ -203,12 +203,12 @@ class Record(Observer, ABC, Generic[J]):
         self._require_same({"task": recorded}, {"task": now}, place)
 
     def _write_point(self, name: str, entry: Mapping[str, Any], law: ContactProblem) -> None:
-        """Record the point that is in the problem. Collective.
+        """Record the point whose state the problem contains. Collective.
 
         Args:
             name: name of the file with the outer surface.
-            entry: entry of the point, with the keys of its checkpoint, if any.
-            law: problem under whose law the tables of contact points are evaluated.
+            entry: entry of the point, including the items for its checkpoint, if there is one.
+            law: problem whose law (with its memory) is used to evaluate the contact tables.
         """
         points = self.journal.branches[self._branch].points
         keys = self._write_surface(name, law) if self._shows else {}
@@ -217,11 +217,11 @@ class Record(Observer, ABC, Generic[J]):
         self._append({"type": "point", "branch": self._branch, **entry, **keys})
 
     def _write_end(self, ended: Ends, keys: Mapping[str, str] | None = None) -> None:
-        """Record the ending of a branch or run, unless its last point contains it. Collective.
+        """Record the end of a branch or run, unless its last point contains it. Collective.
 
         Args:
-            ended: ending.
-            keys: keys of a checkpoint of the last point; default: none was written.
+            ended: branch or run with its `ending` and `reason`.
+            keys: items for a checkpoint of the last point; default: no checkpoint was written.
         """
         if self.journal.branches[self._branch].ending is not ended.ending:
             ending = {"ending": ended.ending, "reason": ended.reason}
@@ -240,7 +240,7 @@ class Record(Observer, ABC, Generic[J]):
         """Write arrays of a point and return their items for the journal. Collective.
 
         Args:
-            kind: kind of the arrays, see `ARRAYS`.
+            kind: kind of the array file, a key of `journal.ARRAYS`.
             name: name of the point.
             arrays: arrays on rank 0.
 
@@ -321,13 +321,13 @@ class Record(Observer, ABC, Generic[J]):
         return self.comm.bcast(at_points)
 
     def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
-        """Return the first state whose checkpoint is undamaged. Collective.
+        """Read the last state that has an undamaged checkpoint. Collective.
 
         Damaged checkpoints are skipped, with a warning in the log.
 
         Args:
-            indices: indices of the states, the last one first.
-            read: function that reads a state.
+            indices: indices of the states, in descending order.
+            read: function that reads the state with an index.
 
         Raises:
             ValueError: on every rank, if all checkpoints are damaged.

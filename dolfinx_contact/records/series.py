@@ -41,8 +41,8 @@ def write_series(
     Args:
         folder: folder of the files, created if necessary. Older files are replaced when the series
             is complete.
-        record: record of the branch; the Functions of its problem change with the points.
-        branch: number of the branch.
+        record: record of the branch; the Functions of its problem are overwritten by the points.
+        branch: number of the branch in the record.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Returns:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """States of a problem as arrays that do not depend on the number of ranks.
 
-Fields are arrays (cells, coefficients of a cell), with the cells in the order of the input mesh;
-multipliers are transferred to Functions on the mesh of the body with the same nodes. Statuses and
-memory are ordered like the contact points in their table.
+Fields are stored as arrays of shape (cells, coefficients per cell), with the cells in the order of
+the input mesh. Multipliers are first transferred to Functions on the mesh of the body, at the same
+nodes. Statuses and memory are stored in the order of the contact points in their table.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
-    """Return the coordinates of the contact points by surface, in order. Collective."""
+    """Return the coordinates of contact points by surface, in table order. Collective."""
     return {s.name: in_order(s).positions.tolist() for s in problem.surfaces}
 
 
@@ -50,7 +50,7 @@ def in_order(s: DiscreteSurface) -> Gathered:
 
 
 class StateArrays:
-    """Conversion between states of a problem and arrays. Collective.
+    """Conversion of states of a problem to arrays, and back. Collective.
 
     Args:
         problem: contact problem, whose Functions are overwritten.
@@ -102,7 +102,7 @@ class StateArrays:
             _fill(f, arrays.get(name))
 
     def of_points(self, accepted: AcceptedState) -> Arrays:
-        """Return statuses and memory of all contact points, on every rank. Collective."""
+        """Return statuses and memory of all contact points as arrays, on every rank. Collective."""
         arrays: Arrays = {}
         surfaces = zip(self._points, accepted.state.statuses, accepted.memory, strict=True)
         for i, (points, codes, memory) in enumerate(surfaces):
@@ -119,8 +119,8 @@ class StateArrays:
     def memory(self, arrays: Arrays) -> tuple[Memory, ...]:
         """Return the memory of the points of this rank, by surface.
 
-        The memory of sliding faces includes the displacement, and on a rotating rigid body its
-        motion; both are read from the problem.
+        For sliding faces the memory includes the displacement, and the motion of a rotating rigid
+        body, if there is one. Both are read from the problem.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories = []
@@ -142,7 +142,7 @@ class StateArrays:
 
 
 class _Multiplier:
-    """Transfer between a multiplier and a Function on the mesh of the body with the same nodes.
+    """Transfer between a multiplier and a Function on the mesh of the body, at equal nodes.
 
     Args:
         s: contact surface of the multiplier.
@@ -179,8 +179,8 @@ def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
     """Gather values at cells on rank 0, in the order of the input mesh. Collective.
 
     Args:
-        domain: mesh.
-        values: values at the owned cells of this rank, shape (n, k).
+        domain: mesh of the cells.
+        values: k values at each of the n owned cells of this rank, shape (n, k).
 
     Returns:
         Values at all cells on rank 0, shape (number, k); on other ranks, the given values.
@@ -204,10 +204,10 @@ def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
 
 
 def coefficients(V: fem.FunctionSpace, values: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Return the coefficients of the owned cells, shape (cells, coefficients of a cell).
+    """Return the coefficients in each owned cell, shape (cells, coefficients per cell).
 
     Args:
-        V: function space.
+        V: function space of the Function.
         values: local values of a Function in this space.
     """
     topology = V.mesh.topology
@@ -247,7 +247,7 @@ def input_numbers(domain: mesh.Mesh) -> Ints:
 
 
 def _places(V: fem.FunctionSpace) -> Ints:
-    """Return the indices of the coefficients of the local cells, shape (cells, coefficients)."""
+    """Return the indices of the coefficients in each local cell, shape (cells, coefficients)."""
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list.astype(np.int64)
     # a rank may have no cells

@@ -3,8 +3,8 @@
 
 The journal contains energies and statuses of every accepted step. Each step has a checkpoint with
 displacement, multipliers, rigid bodies, statuses and memory, and with the velocity of a motion or
-the tangent of a path. A run is resumed from its last resumable step. Steps within one search for a
-jump are not resumable.
+the tangent of a path. A run is resumed from its last resumable step. While a jump of the solution
+is being located, accepted steps are not resumable.
 """
 
 from __future__ import annotations
@@ -57,13 +57,14 @@ _ELSEWHERE = ("accepted", "ending", "reason", "passed")
 
 
 class StepsRecord(Record[J], Generic[J, H]):
-    """Base class of the records of runs, with one point per step. Collective.
+    """Base class of the records of evolutions and paths, with one point per step. Collective.
 
     Args:
         folder: folder of the record, created if necessary.
         runs: evolution or path whose runs are recorded.
         kind: class of the journal.
-        points: conversion of the points of a path; default: None, for histories and motions.
+        points: conversion of the points of a path to entries; None (default) for histories and
+            motions.
         surface_displacement: whether the displacement of the outer surface is recorded, see
             `EvolutionRecord`.
         resume: whether an existing record is continued, see `EvolutionRecord`.
@@ -117,11 +118,11 @@ class StepsRecord(Record[J], Generic[J, H]):
     # -- differences between histories and paths -------------------------------------------------
 
     def _load(self, state: Entry) -> None:
-        """Put the load of a state into the data of the problem. Collective."""
+        """Set the data of the problem to the load of a recorded state. Collective."""
         raise NotImplementedError
 
     def _task(self, words: Mapping[str, Any]) -> Any:
-        """Return the task of a recorded run."""
+        """Create the task of a recorded run from its recorded attributes."""
         raise NotImplementedError
 
     # -- recording -------------------------------------------------------------------------------
@@ -130,8 +131,8 @@ class StepsRecord(Record[J], Generic[J, H]):
         """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
-            ValueError: on every rank, if the record is closed, if the run does not start at the end
-                of the record, or if its task differs from the task of an interrupted run.
+            ValueError: on every rank, if the record is closed, if the run does not start from the
+                last recorded state, or if its task differs from the task of an interrupted run.
         """
         self._require_open()
         if state is self._resumed_state:
@@ -156,7 +157,7 @@ class StepsRecord(Record[J], Generic[J, H]):
             self._write_state(state, letters, history.first)
 
     def _require_end(self, accepted: AcceptedState) -> None:
-        """Raise `ValueError` on every rank if a state is not the end of the record."""
+        """Raise `ValueError` on every rank if a state is not the last recorded state."""
         last = self._last
         at_the_end = (
             last is not None
@@ -186,7 +187,7 @@ class StepsRecord(Record[J], Generic[J, H]):
             self._write_end(ended)
 
     def _write_state(self, run_state: RunState, letters: str, row: dict[str, Any]) -> None:
-        """Record the state that is in the problem. Collective.
+        """Record the state that the problem contains. Collective.
 
         Args:
             run_state: state of the run.
@@ -235,8 +236,8 @@ class StepsRecord(Record[J], Generic[J, H]):
     ) -> H:
         """Continue the last run with its recorded task. Collective.
 
-        A run that has ended is not continued; the evolution is then set to the end of the record,
-        and a later ``run(..., record=record)`` starts from there.
+        A run that has ended is not continued; the evolution is then set to the last recorded state,
+        from which a later ``run(..., record=record)`` starts.
 
         Args:
             stop: stop condition of the original run, if any.
@@ -279,7 +280,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         return history
 
     def _run_state(self, index: int) -> RunState:
-        """Put a recorded state into the problem and return the state of the run. Collective.
+        """Write a recorded state into the problem; return the state of the run. Collective.
 
         Raises:
             ValueError: on every rank, if its checkpoint is damaged.
@@ -328,7 +329,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
     @contextmanager
     def _looking(self) -> Iterator[None]:
-        """Context manager that restores state and data of the problem. Collective."""
+        """Context manager that restores state and data of the problem on exit. Collective."""
         system = getattr(self._runs, "parametric", self.problem)
         with data_restored(self.problem), system.restored(always=True):
             yield

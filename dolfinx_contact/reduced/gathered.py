@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points of all ranks, with their data and laws on every rank."""
+"""Contact points of all ranks with their data and laws, replicated on every rank."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ class GatheredPoints:
 
     Attributes:
         number: number m of points.
-        local: indices of the points of this rank among its contact points, clamped ones included.
-        mine: indices of the points of this rank among the points of all ranks.
+        local: local numbers of the points of this rank, which count its clamped contact points as
+            well.
+        mine: indices of the points of this rank among the m points.
         positions: positions, shape (m, dim).
         normals: normals, shape (m, dim).
-        frames: orthogonal matrices T, shape (m, dim, dim); in Cartesian components, the jump is T
-            (ut, un) and the force on the body T (rt, rn).
+        frames: orthogonal matrices T of the points, shape (m, dim, dim). In Cartesian components,
+            the jump at a point is T (ut, un), and the force on the body is T (rt, rn).
         areas: areas, shape (m,).
         friction: friction coefficients, shape (m,); 0 without friction.
         bound: prescribed friction bounds (Tresca) as forces, shape (m,); 0 for other laws.
@@ -102,7 +103,7 @@ class GatheredPoints:
         return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
-        """Return the rank owning point ``i``, and its local number there. Collective."""
+        """Return the rank that owns point ``i``, and the number of the point there. Collective."""
         rank, number = self._gathered.owner(i)
         mine = int(self.local[number]) if self.comm.rank == rank else None
         return rank, int(self.comm.bcast(mine, root=rank))
@@ -111,7 +112,7 @@ class GatheredPoints:
         """Return the laws at the points, in 2D. Collective.
 
         Args:
-            stiffness: unit of forces in w, force per length.
+            stiffness: unit of the forces in w, force per length.
         """
         groups = []
         for number, s in enumerate(self._surfaces):
@@ -143,8 +144,9 @@ class PointLaws:
     Attributes:
         number: number m of points.
         frames: frames T, shape (m, 2, 2).
-        scale: ratio of tractions to the forces in w, which are lengths, shape (m,).
-        groups: indices of the points with a common law, the law, and its data at these points.
+        scale: ratio of tractions to the forces in w, shape (m,); the forces in w are divided by a
+            stiffness.
+        groups: for each law, indices of its points, the law, and its data at these points.
     """
 
     number: int
@@ -153,7 +155,11 @@ class PointLaws:
     groups: list[tuple[Ints, LawAtPoints, PointData]]
 
     def classify(self, w: Array) -> Codes:
-        """Return the statuses (m,) determined by a state w of shape (m, 4)."""
+        """Return the statuses determined by a state, shape (m,).
+
+        Args:
+            w: state, shape (m, 4).
+        """
         codes: Codes = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
             T = self.frames[places]
@@ -164,7 +170,12 @@ class PointLaws:
         return codes
 
     def cones(self) -> tuple[Array, Array, Mask]:
-        """Return bases (m, 4, 4, 2), inequalities (m, 4, 3, 4) and statuses of `laws.cones`."""
+        """Return the cones of the four statuses of every point (`laws.cones`).
+
+        Returns:
+            Bases, shape (m, 4, 4, 2); inequalities, shape (m, 4, 3, 4); and mask of the statuses
+            that exist at a point, shape (m, 4).
+        """
         B = np.zeros((self.number, 4, 4, 2))
         C = np.zeros((self.number, 4, 3, 4))
         exists = np.zeros((self.number, 4), dtype=bool)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Factorised body with some motions of its contact points held.
+r"""Factorised body with some motions of its contact points prescribed.
 
     [ K   C^T ] [ u ]   [ b ]
     [ A    0  ] [ p ] = [ c ]
 
-The rows A define the held motions, and C^T p are the holding forces (C = A for a support; with
-friction C differs from A). Rows of Dirichlet data are inserted. The condensed problem (`reduction`)
-and analyses of the body in contact use this factorisation to eliminate the body.
+The displacement u is determined by loads b and prescribed motions A u = c. C^T p are the forces
+that enforce these motions (C = A for a support; with friction C differs from A). Rows of Dirichlet
+data are inserted. The condensed problem (`reduction`) and analyses of the body in contact use this
+factorisation to eliminate the body.
 """
 
 from __future__ import annotations
@@ -61,7 +62,8 @@ class HeldField:
         stiffness: stiffness K with Dirichlet rows.
         rows: blocks of A; every field has the same number of blocks.
         forces: blocks of C; default: A.
-        without_forces: indices of the rows in which C^T p is set to 0; default: none.
+        without_forces: indices of the rows of the field in which C^T p is set to 0; default: no
+            rows.
     """
 
     stiffness: PETSc.Mat
@@ -70,7 +72,7 @@ class HeldField:
     without_forces: Ints | None = None
 
     def transposed(self, unit: float) -> list[PETSc.Mat]:
-        """Return C^T multiplied by ``unit``; the caller destroys the matrix. Collective."""
+        """Return the blocks of C^T times ``unit``, which the caller destroys. Collective."""
         found = []
         for C in self.rows if self.forces is None else self.forces:
             block = C.transpose(PETSc.Mat())
@@ -101,7 +103,7 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
     Args:
         eq: contact problem, whose Dirichlet rows are excluded.
-        A: matrix; the signs of its pivots decide, up to round-off.
+        A: displacement matrix; the signs of its pivots are tested up to round-off.
     """
     inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
     definite = False
@@ -114,7 +116,10 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
 
 def columns_of(rows: PETSc.Mat) -> Columns:
-    """Return the transpose of a matrix as columns of loads, owned entries (n, k). Collective."""
+    """Return the transpose of a matrix with k rows as k columns of loads. Collective.
+
+    The n owned entries of each column are returned, shape (n, k).
+    """
     transposed = rows.transpose(PETSc.Mat())
     indptr, columns, values = transposed.getValuesCSR()
     shape = (len(indptr) - 1, rows.getSize()[0])
@@ -123,22 +128,23 @@ def columns_of(rows: PETSc.Mat) -> Columns:
 
 
 class HeldBody:
-    """Factorised body with held motions, as described in the module. All methods are collective.
+    """Factorised body with prescribed motions, see the module. All methods are collective.
 
     Args:
         comm: communicator.
         fields: fields of unknowns; their rows are in the order of the multipliers p.
-        unit: unit of the multipliers, of the size of the stiffness.
+        unit: unit of the multipliers p, of the magnitude of the stiffness.
         prefix: prefix of PETSc options.
-        counted: whether the inertia is required, for matrices that may be indefinite or singular;
-            by default only if no motions are held.
+        counted: whether the numbers of negative and zero pivots are required (`signs`, `definite`);
+            default: only if no motions are prescribed.
 
     Attributes:
         sizes: local numbers of unknowns: all fields together, then each block of p.
-        matrix: whole matrix; multipliers are forces divided by `unit`.
+        matrix: matrix of the whole system above, in which multipliers are forces divided by
+            ``unit``.
 
     Raises:
-        RuntimeError: if the body is not held.
+        RuntimeError: if a rigid motion of the body remains free.
     """
 
     def __init__(
@@ -169,10 +175,13 @@ class HeldBody:
         self._b, self._x = self.matrix.createVecs()
 
     def solve(self, *loads: Array) -> list[Array]:
-        """Solve for one right-hand side; return the owned displacement and multipliers (forces).
+        """Solve for one right-hand side.
 
         Args:
             loads: owned parts of b and of the blocks of c; omitted blocks are 0.
+
+        Returns:
+            Owned displacement u, and owned multipliers p of each block, as forces.
         """
         self._b.set(0.0)
         for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
@@ -183,7 +192,7 @@ class HeldBody:
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     def left(self) -> float:
-        """Return a bound of the residual of the last `solve`. Collective."""
+        """Return a bound of the norm of the residual of the last `solve`. Collective."""
         off = self.round_off(self._x.norm(), self._b.norm())
         self._b.scale(-1.0)
         residual = self._b.duplicate()
@@ -193,24 +202,29 @@ class HeldBody:
         return float(off)
 
     def round_off(self, x: Any, b: Any) -> Any:
-        """Return a bound of the round-off of b - A x for norms of x and b. Collective."""
+        """Return a bound of the round-off in a residual b - A x of `matrix`. Collective.
+
+        Args:
+            x: norm of the solution.
+            b: norm of the right-hand side.
+        """
         A = self.matrix
         size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
         return _TERMS * ROUND_OFF * (size * x + b)
 
     @property
     def definite(self) -> bool:
-        """Whether the matrix of a body without held motions is positive definite. Collective."""
+        """Whether the matrix is positive definite; only without prescribed motions. Collective."""
         return self._factor.is_symmetric and self._factor.inertia[:2] == (0, 0)
 
     @property
     def signs(self) -> tuple[int, int]:
-        """Numbers of negative and zero eigenvalues on the motions that are not held. Collective.
+        """Numbers of negative and zero eigenvalues of K on the motions A u = 0. Collective.
 
-        With m independent rows the whole matrix has m more negative eigenvalues (N. I. M. Gould, On
-        practical conditions for the existence and uniqueness of solutions to the general equality
-        quadratic programming problem, Math. Programming 32, 1985). The stiffness must be symmetric,
-        and ``counted`` True.
+        With m independent rows of A, the matrix of the whole system has m more negative eigenvalues
+        (N. I. M. Gould, On practical conditions for the existence and uniqueness of solutions to
+        the general equality quadratic programming problem, Math. Programming 32, 1985). The
+        stiffness must be symmetric, and ``counted`` True.
         """
         rows = int(self.comm.allreduce(sum(self.sizes[1:])))
         negative, zero, _ = self._factor.inertia
@@ -227,8 +241,8 @@ class HeldBody:
             loads: sparse columns with the owned entries of b and of ``unit`` c, shape (n, k).
 
         Yields:
-            Slice of the columns, their loads, and the dense solution X, which is destroyed
-            afterwards; multipliers in X are forces divided by `unit`.
+            Slice of the columns in a batch, loads of the batch, and its dense solution X, which is
+            destroyed afterwards. Multipliers in X are forces divided by ``unit``.
         """
         for a in range(0, loads.shape[1], BATCH):
             part = loads[:, a : a + BATCH]
@@ -244,8 +258,8 @@ class HeldBody:
             seen: matrix that is applied to the displacements.
 
         Returns:
-            Product of ``seen`` and the displacements, owned rows (m, k), and the multipliers
-            (forces) of the first block, shape (sizes[1], k), empty without blocks.
+            Owned rows of the product of ``seen`` and the displacements, shape (m, k); and
+            multipliers (forces) of the first block, shape (sizes[1], k), empty without blocks.
         """
         n = self.sizes[0]
         k = loads.shape[1]

@@ -60,7 +60,7 @@ class PointProblem:
         S_error: error bounds of the entries of S, shape (dim m, dim m), or None if unknown. The
             asymmetry of S is added.
         p_error: error bounds of the entries of p, shape (dim m,), or None if unknown.
-        rate: derivative of p with respect to the parameter, shape (dim m,), or None.
+        rate: derivative of p with respect to the load parameter, shape (dim m,), or None.
         rate_error: error bounds of the entries of ``rate``, shape (dim m,), or None if unknown.
 
     Raises:
@@ -149,7 +149,7 @@ class PointProblem:
 
     @cached_property
     def longest(self) -> float:
-        """Largest eigenvalue of the compliance."""
+        """Largest eigenvalue of the compliance `A`."""
         return float(1.0 / np.linalg.eigvalsh(self.S)[0])
 
     @cached_property
@@ -166,15 +166,19 @@ class PointProblem:
         return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
 
     def forces(self, a: Array) -> Array:
-        """Return the forces r = S a - p at displacements a of shape (m, dim)."""
+        """Return the forces r = S a - p at displacements a, both of shape (m, dim)."""
         return (self.S @ a.reshape(-1) - self.p).reshape(a.shape)
 
     def displacements(self, r: Array) -> Array:
-        """Return the displacements S^-1 (r + p) under forces r of shape (m, dim)."""
+        """Return the displacements S^-1 (r + p) under forces r, both of shape (m, dim)."""
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
     def given(self, bound: Array) -> PointProblem:
-        """Return the Tresca problem with the friction bounds ``bound`` (m,) instead of F rn + g."""
+        """Return the Tresca problem with given friction bounds instead of F rn + g.
+
+        Args:
+            bound: friction bounds, shape (m,).
+        """
         found = object.__new__(PointProblem)
         found.__dict__.update(self.__dict__)
         found.__dict__.update(friction=np.zeros(self.number), bound=bound)
@@ -183,11 +187,15 @@ class PointProblem:
     # -- the laws --------------------------------------------------------------------------------
 
     def radius(self, rn: Array) -> Array:
-        """Return the radii F rn + g of the friction discs at normal forces (m,)."""
+        """Return the radii F rn + g of the friction discs at normal forces rn, shape (m,)."""
         return coulomb.radius(rn, self.friction, self.bound)
 
     def allowed(self, r: Array) -> Array:
-        """Project forces (m, dim): rn onto rn >= 0, then rt onto the disc of this rn."""
+        """Project forces onto admissible ones: rn onto rn >= 0, then rt onto the disc of this rn.
+
+        Args:
+            r: forces, shape (m, dim).
+        """
         return coulomb.allowed(r, self.friction, self.bound)
 
     def derivative(self, s: Array) -> Array:
@@ -195,7 +203,7 @@ class PointProblem:
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
-        """Return the augmented forces r - k a at which the laws are evaluated, (m, dim)."""
+        """Return the augmented forces r - k a at which the laws are evaluated, shape (m, dim)."""
         return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
@@ -211,15 +219,15 @@ class PointProblem:
         return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the sticking points (m,)."""
+        """Return a mask of the sticking points, shape (m,)."""
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> Codes:
-        """Return the status codes (m,) of the points at a state (`laws.status`)."""
+        """Return the status codes (`laws.status`) of the points at a state, shape (m,)."""
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
-        """Return the residual measures of a state, relative to scales of force and length."""
+        """Return the residuals of a state relative to scales of force and length (`Measures`)."""
         # In soft directions, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off = r - self.answer(a, r)
@@ -237,7 +245,7 @@ class PointProblem:
         )
 
     def scaled(self) -> tuple[PointProblem, float, float]:
-        """Return the scaled problem and its units of stiffness and length."""
+        """Return the problem in units of its data, and these units of stiffness and length."""
         stiffness = float(np.diag(self.S).mean())
         length = float(np.abs(self.free).max()) or 1.0
         force = stiffness * length
@@ -259,7 +267,7 @@ def _numbers(name: str, values: Any, shape: tuple[int | None, ...]) -> Array:
     Args:
         name: name of the argument, for the message.
         values: value of the argument.
-        shape: required shape; None means any length.
+        shape: required shape; an entry None admits any length along its axis.
     """
     try:
         found = np.asarray(values).astype(np.float64, casting="same_kind")

@@ -69,7 +69,7 @@ class Reduction:
         x: state at which H is linearised.
         gamma: parameter at the state.
         exact: whether the pieces are affine, so that the linearisation is exact.
-        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains only its
+        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains only the
             matrix and loads.
 
     Attributes:
@@ -231,11 +231,11 @@ class Reduction:
 
     @cached_property
     def always_solvable(self) -> bool:
-        """Whether a solution exists for every gamma: S is positive definite, and H is affine.
+        """Whether a solution exists for every gamma, i.e. S is positive definite and H affine.
 
-        The problem with a given friction bound then has one solution, which depends continuously on
-        the bound, and Brouwer's theorem provides a bound that is F times its pressure (Haslinger,
-        Math. Methods Appl. Sci. 5, 1983).
+        The problem with a given friction bound then has exactly one solution, which depends
+        continuously on the bound. By Brouwer's theorem there is a bound equal to F times the
+        pressure of its own solution (Haslinger, Math. Methods Appl. Sci. 5, 1983).
         """
         return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
@@ -245,7 +245,10 @@ class Reduction:
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
     def _errors_at(self, gamma: float) -> tuple[Array, Array]:
-        """Return error bounds of S (dim m, dim m) and of p + gamma q (dim m,)."""
+        """Return error bounds of the entries of S and of p + gamma q.
+
+        The shapes are (dim m, dim m) and (dim m,).
+        """
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
         w = np.abs(self._w[:, : self._dim]).reshape(-1)
@@ -261,7 +264,7 @@ class Reduction:
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
-        """Error bounds of S, of the load at the state, and of its rate."""
+        """Error bounds of S, of p + gamma q at the state of the linearisation, and of q."""
         k = self.force_unit
         d = self._dim
         # Frames mix the components of a point, and are orthonormal to round-off.
@@ -275,11 +278,11 @@ class Reduction:
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank owning point ``i``, and its local number there. Collective."""
+        """Return the rank that owns point ``i``, and the number of the point there. Collective."""
         return self.points.owner(i)
 
     def codes(self, piece: Piece) -> Codes:
-        """Return the statuses of all points. Collective."""
+        """Return the statuses of all points in a piece. Collective."""
         return self.points.gathered(piece.codes)
 
     def piece(self, codes: Codes) -> Piece:
@@ -330,7 +333,7 @@ class Reduction:
                 destroy(field.stiffness, *field.rows)
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
-        """Return -Phi, the map from motions of rigid bodies to jumps at points of a surface."""
+        """Return the map from motions of rigid bodies to jumps at the points of a surface."""
         s = term.surface
         n = s.points.number * s.dim
         if not isinstance(term, RigidTerm):
@@ -343,15 +346,16 @@ class Reduction:
         return self._matrix(n, rows, columns, moved)
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
-        """Return a matrix of n rows and the columns of the rigid bodies on this rank."""
+        """Return a matrix with n rows and the rigid-body columns of this rank."""
         shape = n, self._equations.rigid.owned
         return triplet_matrix(self.comm, shape, rows, columns, values)
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
-        """Return forces at the points for unit jumps, shape (dim m, dim m). Collective.
+        """Compute the forces at the points due to unit jumps. Collective.
 
         Returns:
-            Forces, and norms of the solutions and of their residuals, shape (dim m,) each.
+            Forces, shape (dim m, dim m); norms of the solutions, and norms of their residuals,
+            shape (dim m,) each.
         """
         d = self._dim
         columns = d * self._m
@@ -378,10 +382,14 @@ class Reduction:
         return S, sizes, residuals + self._body.round_off(sizes, self._scale)
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:
-        """Solve for a load and jumps, shape (m, dim). Collective.
+        """Solve the body for a load and prescribed jumps. Collective.
+
+        Args:
+            load: owned entries of the load on the displacements.
+            jumps: jumps at the points, shape (m, dim).
 
         Returns:
-            Owned displacements, forces at all points, and a bound of the residual.
+            Owned displacements, forces at all points, and bound of the norm of the residual.
         """
         if self._freed:
             raise ValueError("this reduction was freed, by destroy() or by a later reduction")
@@ -395,7 +403,10 @@ class Reduction:
     # -- states ----------------------------------------------------------------------------------
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """Return the state w = (a, r / ``force_unit``) of all points, (m, 2 dim). Collective."""
+        """Return the state w of all points, shape (m, 2 dim). Collective.
+
+        It contains a and r / `force_unit`.
+        """
         evaluation = self._equations.evaluate_contact(x)
         jumps, forces = [], []
         for s, found in zip(self._equations.surfaces, evaluation.surfaces, strict=True):
@@ -459,7 +470,7 @@ def _no_solver() -> Any:
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """Return the reduced problem with the scales of a state, equal on every rank. Collective.
+    """Return the reduced problem with the scales of a state, on every rank. Collective.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced.
@@ -469,7 +480,7 @@ def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
 
 
 def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
-    """Return the scales of the measures at a state. Collective."""
+    """Return the force and length scales of the relative residuals at a state. Collective."""
     return measure(equations, equations.evaluate(x))[1]
 
 

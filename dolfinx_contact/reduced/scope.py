@@ -49,9 +49,9 @@ def can_condense(
 
     Args:
         system: contact problem with a parameter.
-        partly: whether tangential displacements of contact points may be prescribed. The statuses
-            of these points in the reduced problem then differ from the full problem.
-        bounded: whether Tresca's law, whose pieces are not cones, is admissible.
+        partly: whether contact points with prescribed tangential displacements are admissible.
+            Their statuses in the reduced problem differ from those in the full problem.
+        bounded: whether Tresca's law is admissible, whose pieces are affine but not cones.
     """
     eq = system.equations
     if eq.dim != 2 or _obstacle_at_points(system):
@@ -89,7 +89,7 @@ def why_not_reducible(system: ParametricEquations) -> str:
 
 
 def _obstacle_at_points(system: ParametricEquations) -> str:
-    """Return the reason why contact points do not determine the problem; "" if they do.
+    """Return the reason why a problem cannot be condensed onto its contact points, or "".
 
     Collective.
     """
@@ -120,7 +120,7 @@ class _PartlyHeld(NamedTuple):
     Attributes:
         some: whether such nodes exist.
         oblique: whether a held direction has a normal component.
-        rubbed: whether friction acts along a tangent without Dirichlet data.
+        rubbed: whether friction acts at such a node along a tangent without Dirichlet data.
     """
 
     some: bool

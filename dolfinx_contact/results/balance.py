@@ -108,7 +108,8 @@ def balance(
 def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Array, Array]:
     """Return reaction and mean displacement of each Dirichlet condition. Collective.
 
-    The reaction at a dof in several conditions belongs to the last of them, whose value is used.
+    A dof may belong to several conditions. Its reaction is attributed to the last of them, whose
+    value is used.
 
     Args:
         eq: contact problem.
@@ -116,9 +117,9 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
         u: displacement at the local nodes.
 
     Returns:
-        Reactions and displacements, shape (conditions, dim). The displacement is the mean over the
-        nodes; it is NaN in components that the condition does not hold, and in the radial component
-        of a body of revolution.
+        Reactions and mean displacements, shape (conditions, dim) each. The displacement is the mean
+        over the nodes; it is NaN in components that the condition does not hold, and in the radial
+        component of a body of revolution.
     """
     n = eq.owned_sizes[0]
     owner = np.full(n, -1)
@@ -137,7 +138,12 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:
-    """Return the sum of forces (n, dim) of all ranks; for a body of revolution its axial part."""
+    """Return the sum of forces over all ranks; for a body of revolution its axial part.
+
+    Args:
+        eq: contact problem.
+        forces: forces on this rank, shape (n, dim).
+    """
     whole = total(eq.comm, forces.sum(axis=0))
     return np.where(np.arange(eq.dim) < eq.axisymmetric, 0.0, whole)
 
@@ -155,11 +161,12 @@ class PairBalance:
     """Contact forces on the two faces of a pair.
 
     Attributes:
-        slave: resultant on the slave (dim,).
-        master: resultant on the master (dim,).
+        slave: resultant on the slave, shape (dim,).
+        master: resultant on the master, shape (dim,).
         imbalance: |slave + master| over the sum of the magnitudes of all nodal forces.
-        moment: moment of all nodal forces over the sum of their magnitudes and the size of the
-            faces; None if the faces do not coincide, and for bodies of revolution.
+        moment: norm of the moment of all nodal forces, divided by the sum of their magnitudes and
+            by the size of the faces; None if the faces do not coincide, and for bodies of
+            revolution.
     """
 
     slave: Array
@@ -233,16 +240,15 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
 class RigidBodyResult:
     """Motion of a rigid body at a solution, and the forces on it.
 
-    Moments are taken about the reference point. contact + load + support = 0, where the support is
-    zero in free components of the motion.
+    Moments are taken about the reference point. The sum contact + load + support is zero.
 
     Attributes:
         name: name of the body.
         components: names of the components of its motion.
-        motion: displacement and rotation (radians), by component.
+        motion: displacements and rotations (radians), by component.
         contact: contact force and moment of all surfaces touching the body, by component.
-        load: given forces and moments, 0 where the motion is prescribed.
-        support: reactions to prescribed motions, 0 where the motion is free.
+        load: applied forces and moments by component, 0 where the motion is prescribed.
+        support: reactions to prescribed motions by component, 0 where the motion is free.
         dim: dimension, 2 or 3.
     """
 
@@ -288,7 +294,7 @@ class RigidBodyResult:
 
 
 def rigid_body_results(eq: ContactEquations, evaluation: Evaluation) -> dict[str, RigidBodyResult]:
-    """Return the rigid bodies at a state with reactions, by name."""
+    """Return motions of the rigid bodies and forces on them at a state, by name."""
     found = {}
     rigid = eq.rigid
     assert evaluation.pushes is not None

@@ -177,7 +177,7 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def _exceeding(values: Mapping[str, float | None]) -> dict[str, str]:
-    """Return the messages of the indicators above their thresholds, by name."""
+    """Return messages about the indicators that exceed their thresholds, by name."""
     return {
         name: _MESSAGES[name].format(value)
         for name, value in values.items()
@@ -209,8 +209,8 @@ class SurfaceIndicators:
             to the local compression.
         facets: height of the smooth surface over the facets of a rigid surface, relative to the
             local compression.
-        growth: fraction of the friction bound at points that came into contact under the load;
-            0 in steps from a state.
+        growth: fraction of the total friction bound at points that came into contact under the
+            load; 0 in steps from a state.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
             to the largest one.
         penetration: largest depth, a length; None if the law is not compliant.
@@ -236,7 +236,7 @@ class SurfaceIndicators:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Return messages by the names of the indicators above their thresholds."""
+        """Return messages about the indicators that exceed their thresholds, by name."""
         values = {**vars(self)}
         facet = values.pop("facet")
         for name in _LENGTHS:
@@ -250,14 +250,15 @@ class StepIndicators:
     """Indicators of a jump of the state within a step of a history, and of alternating friction.
 
     Attributes:
-        number: number of the step.
-        start: time at its start.
-        time: time at its end.
+        number: index of the step.
+        start: time at the start of the step.
+        time: time at the end of the step.
         speed: rate of change of all unknowns, relative to the previous step.
         residue: energy residue of the step relative to the energy exchanged in the step; positive
             for the energy released by a jump.
-        searched: whether the run locates jumps, so that a warning is not needed.
-        timed: whether a law depends on the time of a step, so that it may weaken with the speed.
+        searched: whether the run itself locates jumps, so that no warning is needed.
+        timed: whether a law depends on the duration of a step, so that friction may decrease with
+            the slip velocity.
         alternation: smallest of the last three changes of shear over pressure, if they alternate,
             relative to the largest value; 0 otherwise, and for laws that do not depend on time.
     """
@@ -273,7 +274,7 @@ class StepIndicators:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Messages of a possible jump and of alternating friction, by name."""
+        """Messages about a possible jump and alternating friction, by name."""
         found = _exceeding({"alternation": self.alternation})
         jumps = self.speed > LIMITS["speed"] and self.residue > LIMITS["residue"]
         if jumps and not self.searched:
@@ -351,7 +352,7 @@ def alternation(tables: Sequence[ContactTable]) -> float:
     """Return the indicator `alternation` of a surface.
 
     Args:
-        tables: tables of the surface at the ends of the last steps, the latest at the end.
+        tables: tables of the surface at the ends of the last steps, in order of time.
     """
     if len(tables) < _ALTERNATING:
         return 0.0
@@ -422,9 +423,9 @@ def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
 
 
 def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return why small sliding is not valid for the state in the Functions; "" if it is.
+    """Return why small sliding is not valid for the state in the Functions; "" if it is valid.
 
-    Such a state is refused by proofs, because the solved problem differs from the problem of the
+    Proofs reject such a state, because the discrete problem differs from the problem of the
     displaced bodies. Collective.
     """
     found = {
@@ -486,7 +487,7 @@ def _of_surface(
 def _contacts(
     eq: ContactEquations, evaluation: Evaluation
 ) -> list[tuple[DiscreteSurface, SurfaceEvaluation, Mask]]:
-    """Return surfaces, their evaluations, and masks (n,) of points clamped by Dirichlet data."""
+    """Return surfaces, their evaluations, and masks of the points clamped by Dirichlet data."""
     found = []
     parts = zip(eq.surfaces, eq.constraints.surfaces, evaluation.surfaces, strict=True)
     for s, constraints, contact in parts:
@@ -500,9 +501,9 @@ def _contacts(
 def _negative_bound(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the largest negative friction bound of closed points over the largest force.
+    """Return the magnitude of the most negative friction bound over the largest nodal force.
 
-    0 at rest, where all forces are round-off.
+    Only closed points count. The result is 0 at rest, where all forces are round-off.
     """
     areas = s.points.areas
     below = maximum(s.comm, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
@@ -515,10 +516,10 @@ def _negative_bound(
 def _growth(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
-    Points whose initial gaps differ little close together: they share the motion before contact,
-    which does not count. Differences are compared with the compression of the body next to the
-    points, since displacements elsewhere may be large. The obstacle may have been moved since the
-    start, as a load or to another place.
+    Points with nearly equal initial gaps close simultaneously: they move together before contact,
+    and this motion does not count. Differences of gaps are compared with the compression of the
+    body next to the points, since displacements elsewhere may be large. The obstacle may have been
+    moved since the start, as a load or to another position.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0
@@ -554,7 +555,7 @@ def _compression(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvalu
 
 
 def _touching(contact: SurfaceEvaluation, values: Array) -> Array:
-    """Return values at closed points, 0 at open points."""
+    """Return the values at closed points, and 0 at open points."""
     return np.where(closed(contact.statuses), values, 0.0)
 
 
@@ -564,13 +565,13 @@ def _normal_forces(contact: SurfaceEvaluation, areas: Array) -> Array:
 
 
 def _ratio_of_sums(comm: MPI.Comm, part: float, whole: float) -> float:
-    """Return the ratio of two sums over all ranks, 0 if the second one is 0. Collective."""
+    """Return the ratio of two sums over all ranks; 0 if the denominator is 0. Collective."""
     parts, wholes = comm.allreduce(np.array([part, whole]))
     return float(parts / wholes) if wholes > 0 else 0.0
 
 
 def _angles(a: Array, b: Array) -> Array:
-    """Return the angles between unit vectors (n, dim) in degrees."""
+    """Return the angles between unit vectors a and b, shape (n, dim) each, in degrees."""
     return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2.0, 1.0)))
 
 
@@ -598,7 +599,16 @@ def _of_small_sliding(
 
 
 def _off(law: Array, true: Array, is_closed: Mask) -> Array:
-    """Return gap errors at closed points; at open points, the penetration missed by the law."""
+    """Return the gap errors of the law.
+
+    At closed points, they are the magnitudes of the differences between both gaps; at open points,
+    the true penetrations, which the law does not contain.
+
+    Args:
+        law: gaps of the law, shape (n,).
+        true: gaps of the displaced points, shape (n,).
+        is_closed: mask of the closed points, shape (n,).
+    """
     depth = np.maximum(np.maximum(-true, 0.0) - np.maximum(-law, 0.0), 0.0)
     return np.where(is_closed, np.abs(true - law), depth)
 
@@ -667,11 +677,11 @@ def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 
 
 def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Largest change of the normal of points that came through the obstacle. Collective.
+    """Largest change of normal of points whose path leads through the obstacle. Collective.
 
-    A point counts as passed if the normal changes by more than a right angle and an intermediate
-    position lies inside the obstacle, all in the frame of the obstacle. The intermediate position
-    divides the path in the ratio of the gaps at its two ends.
+    A path leads through the obstacle if the normal changes by more than a right angle and an
+    intermediate position lies inside the obstacle, all in the frame of the obstacle. The
+    intermediate position divides the path in the ratio of the gaps at its two ends.
     """
     at, shape = contact.kinematics, s.displaced
     if shape is None or at.place is None:
@@ -696,7 +706,7 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 def _approach(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the approach in a step of unopposed points over the search distance. Collective."""
+    """Return the largest approach of unopposed points over the search distance. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     moved: Array = evaluation.u[: n * eq.dim].reshape(-1, eq.dim)
@@ -730,9 +740,10 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluati
 def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Largest rotation in a step of a connected part of a face over the other one. Collective.
 
-    Between bodies it is the root mean square of the angles at the points. On obstacles it is the
-    rotation of the points about their mean normal, by least squares. Weights are normal forces. The
-    displacements of linear bodies in small sliding are small by assumption, at any scale.
+    Between bodies the rotation is the root mean square of the angles at the points. On obstacles it
+    is the rotation of the points about their mean normal, by least squares. Weights are the normal
+    forces. Linear bodies in small sliding are not tested, because their displacements are small by
+    assumption, at any scale.
     """
     turns = s.rigid_body is not None and s.rigid_body.turns
     small = s.between_bodies or (eq.bulk.linear and s.displaced is None and not turns)
@@ -767,12 +778,16 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
 
 
 def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Depth of the obstacle in a facet, between contact points, over the facet size. Collective."""
+    """Relative depth of the obstacle in a facet between its contact points. Collective."""
     return maximum(s.comm, _deepest(s, evaluation.u.reshape(-1, s.dim)))
 
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
-    """Return the relative depth of corners, edges, spheres and cylinders in facets of this rank."""
+    """Return the largest depth of parts of the obstacle in facets of this rank.
+
+    These parts are corners, edges, spheres and cylinders. Depths are relative to the facet size, or
+    to the radius if that is smaller.
+    """
     now, cells, normals = s.points.facets.simplices(u)
     if not len(cells):
         return 0.0
@@ -801,7 +816,7 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
 
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
-    """Return points (n, dim) of the displaced obstacle, and the radius of the ball around each."""
+    """Return points of the displaced obstacle, shape (n, dim), and the radius around them."""
     shape = shape_of(s.obstacle)
     if isinstance(shape, RigidSurface):
         points = shape.points + s.partner.dragged(shape.points)
@@ -827,7 +842,7 @@ def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tup
 
 
 def _between(a: Array, b: Array, spacing: float) -> Array:
-    """Return points (n, dim) from a to b, at most one spacing apart."""
+    """Return points from a to b, at most one spacing apart, shape (n, dim)."""
     number = int(np.ceil(np.linalg.norm(b - a) / spacing)) + 1
     return np.asarray(np.linspace(a, b, number))
 
@@ -843,7 +858,10 @@ def _numbers(given: Any) -> Array | None:
 
 
 def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the initial depth of closed points over the smallest extent. Collective."""
+    """Return the largest initial depth of closed points. Collective.
+
+    The depth is divided by the smallest extent of the body.
+    """
     given = s.description
     if given.interference is not None or given.remove_overlap is not None:
         return 0.0
@@ -856,7 +874,10 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluatio
 def _beside(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the depth of nodes off the contact surfaces over the compression. Collective."""
+    """Return the largest depth of nodes off the contact surfaces. Collective.
+
+    The depth is divided by the local compression.
+    """
     compression = _compression(eq, s, contact)
     if compression == 0.0:
         return 0.0
@@ -873,7 +894,10 @@ def _beside(
 
 
 def _facets(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Height of the smooth surface over touched facets over the compression. Collective."""
+    """Return the mean height of the smooth surface above touched facets. Collective.
+
+    The height is divided by the local compression.
+    """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return 0.0
@@ -899,7 +923,10 @@ def _across(
     contact: SurfaceEvaluation,
     held: Mask,
 ) -> float:
-    """Fraction of the normal forces where face and obstacle have other normals. Collective."""
+    """Fraction of the normal forces at points with deviating normals of face and obstacle.
+
+    Normals deviate if they enclose more than 66 degrees. Collective.
+    """
     u = evaluation.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = s.points.outward(u if follows else np.zeros_like(u))

@@ -28,8 +28,8 @@ class OuterSurface:
         cells: vertices of the boundary facets in 3D, of all cells in 2D, one row per facet or cell.
         contact: vertices of the facets of each contact surface, by name.
         opposite: vertices of the facets of the master of each pair, by name.
-        obstacles: facets of the obstacle of each other surface, by name, with their own vertices
-            (`SurfaceState.obstacles`).
+        obstacles: facets of the obstacle of each surface that is not a pair, by name. Their
+            vertices are those of `SurfaceState.obstacles`.
     """
 
     x: Array
@@ -47,8 +47,8 @@ class SurfaceState:
     Attributes:
         u: displacement of the vertices, shape (n, dim).
         strain: equivalent strain at the vertices, shape (n,); see `Outside`.
-        obstacles: positions, displacements and normals of the vertices of the obstacle of each
-            surface that is not a pair, by name, shape (3, m, dim).
+        obstacles: for each surface that is not a pair, by name: positions, displacements and
+            normals of the m vertices of its obstacle, shape (3, m, dim).
         tables: columns of the `ContactTable` of each contact surface, by name.
     """
 

@@ -71,7 +71,7 @@ class Result:
         attempts: strategies tried; the last one converged.
         energies: ``bulk``, the user's energy including the load potential (absent if the problem
             was given as a residual), and ``friction``, the frictional dissipation -sum(rt . ut); in
-            a step of an evolution with the increment of ut.
+            a step of an evolution ut is replaced by its increment.
         kkt_violation: largest violation of the contact law, relative to the force and length
             scales.
         dofs: number of unknowns, including multipliers.
@@ -111,7 +111,7 @@ class Result:
     other_warnings: dict[str, str]
 
     def __str__(self) -> str:
-        """Return law, strategy, points, forces, error measures and names of warnings as text."""
+        """Return a text with law, strategy, points, forces, residuals and names of warnings."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
         forces = [*self.resultants.values(), self.support, self.external]
         largest = max(float(np.abs(f).max()) for f in forces)
@@ -222,7 +222,12 @@ class Result:
 
 
 def _shown(vector: Array, largest: float) -> str:
-    """Return components as text; round-off of the largest force is printed as 0."""
+    """Return the components of a force as text; components of the size of round-off are 0.
+
+    Args:
+        vector: components.
+        largest: largest force, which determines the round-off.
+    """
     return "(" + ", ".join(as_text(v, largest) for v in vector) + ")"
 
 
@@ -238,9 +243,9 @@ def collect(
         eq: equations of the contact problem.
         evaluation: evaluation at the solution, with reactions.
         attempts: strategies that were tried; the last one converged.
-        shown: function of the solution returning the equations and the evaluation used for
-            tables and indicators; default: equations and evaluation of the solution. In dynamics,
-            they belong to the end of the step, which differs from the solution.
+        shown: function that maps the evaluation of the solution to the equations and the evaluation
+            used for tables and indicators; default: those of the solution. In dynamics, they belong
+            to the end of the step, which differs from the solution.
 
     Raises:
         ValueError: on every rank, if a point touches an obstacle where its normal is undefined.
@@ -301,7 +306,7 @@ def collect(
 def _scales_of_law(
     eq: ContactEquations, evaluation: Evaluation, tables: Collection[ContactTable]
 ) -> Scales:
-    """Return the scales for the violation of a law. Collective."""
+    """Return the force and length scales for the violation of a law. Collective."""
     assert evaluation.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
     contacts = zip(eq.surfaces, evaluation.surfaces, eq.scaling.at_vertices, strict=True)

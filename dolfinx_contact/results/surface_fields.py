@@ -6,9 +6,9 @@ on the body with its normal and tangential parts, gap, slip (the tangential disp
 and the support, i.e. the reaction of Dirichlet data per area, which is not a contact traction.
 
 The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
-integral method the contact points are Gauss points; a vertex then has the status of the largest
-share of the surface around it (weighted by its hat function), while traction, gap and slip are
-values at the vertex.
+integral method the contact points are Gauss points; a vertex then has the status that prevails on
+the surface around it (weighted by its hat function), while traction, gap and slip are values at the
+vertex.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, slip_at_points: Array
 ) -> dict[str, Array]:
-    """Return values of the Functions at the vertices instead of means around them. Collective."""
+    """Return values at the vertices themselves instead of means around them. Collective."""
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)
@@ -142,7 +142,7 @@ def _interpolated(
 
 
 def _at_vertices(s: DiscreteSurface, multiplier: fem.Function) -> Array:
-    """Return the values (n, dim) of a Function of the multiplier space at the local vertices."""
+    """Return the values of a multiplier Function at the local vertices, shape (n, dim)."""
     f = fem.Function(blocked_space(s.points.vertices, s.dim))
     f.interpolate(multiplier)
     f.x.scatter_forward()

@@ -47,7 +47,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ContactTable:
-    """Table of the contact points of one surface on all ranks, sorted by x, then y, then z.
+    """Table of the n contact points of one surface on all ranks, sorted by x, then y, then z.
 
     Points with equal coordinates, such as both sides of a crack, are sorted by the numbers of their
     nodes in the input mesh.
@@ -65,7 +65,8 @@ class ContactTable:
         increment: tangential displacement since the last accepted step of an evolution, shape
             (n, dim); ``ut`` otherwise.
         n: normals, shape (n, dim).
-        force: contact force on the body, shape (n, dim); 0 at points clamped by Dirichlet data.
+        force: contact force on the body at each point, shape (n, dim); 0 at points clamped by
+            Dirichlet data.
         pressure: nominal contact pressure, per area of the mesh, shape (n,).
         shear: tangential traction on the body, shape (n, dim).
         letters: status of each point: o (open), k (stick), + or - (slip in 2D, by the sign of
@@ -117,9 +118,12 @@ class ContactTable:
         )
 
     def resultant(self, forces: Array) -> Array:
-        """Return the sum of forces (n, dim); only the axial part for bodies of revolution.
+        """Return the sum of forces; only the axial part for bodies of revolution.
 
         The radial forces on a body of revolution sum to zero.
+
+        Args:
+            forces: forces at the points, shape (n, dim).
         """
         total = forces.sum(axis=0)
         return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
@@ -136,7 +140,7 @@ class ContactTable:
 
     @property
     def beta(self) -> Array | None:
-        """Intensity of adhesion, 1 if intact, 0 if broken; None for laws without adhesion."""
+        """Intensity of adhesion, 1 if intact, 0 if broken, shape (n,); None without adhesion."""
         return self.internal.get("beta")
 
     @property
@@ -216,7 +220,11 @@ class ContactTable:
         return int(np.isin(self.letters, list(letters)).sum())
 
     def along(self, vectors: Array) -> Array:
-        """Return tangential ``vectors`` as scalars: components along t in 2D, norms in 3D."""
+        """Return tangential vectors as scalars: components along t in 2D, norms in 3D.
+
+        Args:
+            vectors: tangential vectors at the points, shape (n, dim).
+        """
         if self.dim == 2:
             return along_tangent(vectors, self.n)
         return np.asarray(np.linalg.norm(vectors, axis=1))
@@ -304,15 +312,15 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
 
     The violation is measured by the natural residual t - tau(j, t) at all points that are not
     clamped, which vanishes if and only if the law holds. The augmentation parameter is chosen such
-    that a gap of ``length`` is equivalent to ``force``. Points without an admissible status count
-    as violations, too. If several statuses are admissible, for example in a law that softens by
-    more than this parameter, the status of the state is used. In the integral method, whose
-    conditions are weak, the violation includes the discretisation error.
+    that a gap of ``length`` is equivalent to ``force``. Points without an admissible status also
+    count as violations. If several statuses are admissible, for example in a law that softens with
+    a slope larger than this parameter, the status of the state is used. In the integral method,
+    whose conditions are weak, the violation includes the discretisation error.
 
     Args:
         eq: contact problem.
         evaluation: evaluation of the state.
-        force: force scale.
+        force: force scale, the unit of the result.
         length: length scale.
     """
     worst = 0.0
@@ -349,7 +357,7 @@ def friction_bound(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
 
 
 def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.str_]:
-    """Return status letters; at frictionless points, the letters of the sliding direction."""
+    """Return status letters; at frictionless points in 2D, the sign of the sliding direction."""
     touching = closed(contact.statuses)
     codes = without_damage(contact.statuses)
     letters = np.where(touching, status.letters(s.dim)[codes], "o")
@@ -376,7 +384,13 @@ def _letters_of_bonds(
 
 
 def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_]:
-    """Return the letters of closed points moving by ``ut`` (n, dim), beyond ``least``."""
+    """Return the letters of closed points from their tangential motion.
+
+    Args:
+        ut: tangential displacements, shape (n, dim).
+        n: normals, shape (n, dim).
+        least: smallest displacement that counts as motion.
+    """
     size = np.linalg.norm(ut, axis=1)
     sliding: Any = "s"
     if ut.shape[1] == 2:
@@ -406,7 +420,7 @@ def forces_at_vertices(
     trace: Indices,
     forces: Array,
 ) -> Array:
-    """Lump nodal forces onto the local vertices of a surface, shape (n, dim). Collective.
+    """Lump nodal forces onto the local vertices of a surface. Collective.
 
     The hat functions of the vertices distribute the force of a node between vertices, so the sum
     over the surface is preserved.
@@ -416,6 +430,9 @@ def forces_at_vertices(
         submesh: facets of the surface.
         trace: nodes of V at the local vertices of the surface.
         forces: forces at the local nodes of V, shape (n, dim).
+
+    Returns:
+        Forces at the local vertices, shape (vertices, dim).
     """
     if V.ufl_element().degree == 1:
         return np.asarray(forces[trace])
@@ -437,7 +454,11 @@ def forces_at_vertices(
 
 
 def _hats(V: fem.FunctionSpace) -> tuple[Array, list[int]]:
-    """Return hat functions of a cell at its nodes (nodes, vertices), and the nodes at vertices."""
+    """Return the hat functions of a cell at its nodes.
+
+    Returns:
+        Values, shape (nodes, vertices), and numbers of the nodes at the vertices.
+    """
     cell = V.mesh.basix_cell()
     corners = basix.geometry(cell)
     linear = basix.create_element(basix.ElementFamily.P, cell, 1)

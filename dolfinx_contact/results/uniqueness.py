@@ -22,7 +22,7 @@ class Uniqueness:
     Attributes:
         verdict: ``"proved"`` if the solution is proved to be the only one, ``"others exist"`` if
             another solution is known, otherwise ``"not proved"``.
-        reason: certificate or theorem used in the proof, or the reason why nothing is proved.
+        reason: certificate or theorem that proves uniqueness, or reason why nothing is proved.
         other: another solution, for `ContactProblem.restore`; None if none is known.
     """
 

@@ -3,9 +3,9 @@ r"""Closest points on segments and triangles.
 
 The projection of a point onto the plane of a triangle lies inside the triangle if the area vectors
 of its three parts, each opposite to a corner, have the orientation of the triangle. Otherwise the
-closest point is on an edge. Products of area vectors are computed as scalar products of edges,
-except for slivers, where cancellation between terms of the fourth power of the longest edge would
-occur. If the closest point is on an edge or corner, the barycentric coordinates of all other
+closest point is on an edge. Products of area vectors are computed from scalar products of edges.
+Slivers are an exception, because terms of the size of the fourth power of the longest edge would
+cancel. If the closest point is on an edge or corner, the barycentric coordinates of all other
 corners are exactly zero.
 
 A search examines few facets. Every facet is covered by a ball, large facets by several balls. If a
@@ -36,11 +36,11 @@ _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets
 
 
 def closest_on(x: Array, corners: Array) -> Array:
-    """Return barycentric coordinates (n, k) of the closest point on each simplex.
+    """Return the barycentric coordinates of the closest points on n simplices, shape (n, k).
 
     Args:
         x: points, one for each simplex, shape (n, dim).
-        corners: corners of segments (n, 2, dim) or triangles, shape (n, 3, dim).
+        corners: corners of the segments (k = 2) or triangles (k = 3), shape (n, k, dim).
     """
     found = np.zeros(corners.shape[:2])
     outside: Ints = np.arange(len(x), dtype=np.int64)
@@ -67,7 +67,7 @@ def closest_on(x: Array, corners: Array) -> Array:
 
 
 def _parts(x: Array, corners: Array) -> Array:
-    """Return products of the area vectors of triangles and their parts, shape (n, 3).
+    """Return products of the area vector of each triangle and of its parts, shape (n, 3).
 
     The parts are the triangles between the projection of x and two corners; entry i belongs to the
     part opposite to corner i.
@@ -96,8 +96,9 @@ class ClosestPoints(NamedTuple):
     """Points of a surface that are closest to given points.
 
     Attributes:
-        facets: indices of the facets, shape (n,).
-        parts: barycentric coordinates in the facets, shape (n, k).
+        facets: indices of the facets with the closest points, shape (n,).
+        parts: barycentric coordinates of the closest points in these facets with k corners, shape
+            (n, k).
         feet: closest points, shape (n, dim).
         distance: distances from the given points, shape (n,).
     """
@@ -113,7 +114,7 @@ class ClosestFacets:
 
     Args:
         points: points of the surface, shape (m, dim).
-        cells: indices of the points of each facet, shape (k, dim).
+        cells: indices of the points of each of k facets, shape (k, dim).
     """
 
     def __init__(self, points: Array, cells: Ints):
@@ -123,7 +124,7 @@ class ClosestFacets:
         self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> ClosestPoints:
-        """Return the closest points of the surface to points (n, dim)."""
+        """Return the points of the surface that are closest to ``x``, shape (n, dim)."""
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
         closest = self._among(x, balls.reshape(-1), np.full(len(x), count))
@@ -143,7 +144,13 @@ class ClosestFacets:
         return closest
 
     def _among(self, x: Array, balls: Ints, sizes: Ints) -> ClosestPoints:
-        """Return, for each point, the closest point on the facets whose balls are given."""
+        """Return, for each point, the closest point on the facets of the given balls.
+
+        Args:
+            x: points, shape (n, dim).
+            balls: indices of balls, concatenated for all points.
+            sizes: number of balls per point, shape (n,).
+        """
         owners = self._owners[balls]
         points = np.repeat(np.arange(len(x)), sizes)
         parts = closest_on(x[points], self._corners[owners])
@@ -155,7 +162,7 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Return balls covering all facets: centres, facet indices and radii."""
+    """Return balls that cover all facets: centres, indices of the facets, and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(balls(corners)[1])))
@@ -173,7 +180,7 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _halved(corners: Array) -> Array:
-    """Return both halves of each facet after bisection of its longest edge."""
+    """Bisect the longest edge of each facet; return both halves of the facet."""
     k = corners.shape[1]
     pairs = list(combinations(range(k), 2))
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Signed distances from a surface of facets, normals, and derivatives of both.
+r"""Signed distances from a surface of facets, surface normals, and their derivatives.
 
 Let c be the closest point of the surface to x. The signed distance is phi = +-|x - c|, positive
 outside. Its gradient d = (x - c)/phi equals the facet normal if c is inside a facet. If c is on an
@@ -77,7 +77,7 @@ def distances_from(
     """Compute distances of points; NaN for points that are not finite. Not collective.
 
     Args:
-        surface: triangulated surface.
+        surface: triangulated surface of the obstacle.
         closest: search for the closest facets of the surface.
         x: points, shape (n, dim).
         ends: sizes b of the sliding facets at the points, shape (n,), within which points leave an
@@ -120,12 +120,14 @@ def distances_from(
 
 
 class _Places:
-    """Locations of closest points: inside facets, on ridges or at corners.
+    """Features that contain the closest points: facets, ridges (`triangulation`) or corners.
 
     Attributes:
         zeros: number of vanishing barycentric coordinates of the closest point, shape (n,).
-        side: unit outward vectors at the closest points, shape (n, dim).
-        along: unit directions of edges for points on an edge, otherwise zero, shape (n, dim).
+        side: outward pseudonormals at the closest points, which determine the signs of the
+            distances, shape (n, dim).
+        along: unit vectors along the edges that contain closest points, otherwise zero, shape (n,
+            dim).
         crease: mask of the closest points on creases, shape (n,).
         rim: mask of the closest points on rims, shape (n,).
     """
@@ -149,7 +151,7 @@ class _Places:
         self._take(corners, surface.of_points, points)
 
     def _take(self, where: Ints, features: Features, numbers: Ints) -> None:
-        """Set the closest points ``where`` to lie on the ridges or points with given numbers."""
+        """Assign the closest points ``where`` to the ridges or points with these ``numbers``."""
         self.side[where] = unit(features.normals[numbers])
         self.crease[where] = features.creases[numbers]
         self.rim[where] = features.rims[numbers]
@@ -158,10 +160,10 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Mask, Array, Array]:
-    """Return a mask of the points that leave past a rim, their gaps and gap gradients.
+    """Return a mask of the points that are leaving past a rim, and gaps and gap gradients.
 
     Args:
-        away: vectors from the closest points to the points, shape (n, dim).
+        away: vectors from the closest points on the surface to the n points, shape (n, dim).
         m: normals at the closest points, shape (n, dim).
         turn: derivatives of the normals, shape (n, dim, dim).
         along: directions of the edges on which closest points move, otherwise zero, shape (n, dim).
@@ -181,7 +183,7 @@ def _ended(
 def _interpolated(
     surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
 ) -> tuple[Array, Array]:
-    """Return interpolated normals at the closest points, and their derivatives."""
+    """Return normals m/|m| interpolated at the closest points, and their derivatives."""
     of_corners = surface.corner_normals[facets]
     mean = np.einsum("nk,nki->ni", parts, of_corners)
     size = np.linalg.norm(mean, axis=1)
@@ -194,7 +196,7 @@ def _interpolated(
 
 
 def _slopes(corners: Array) -> Array:
-    """Return the gradients of the barycentric coordinates of facets, shape (n, k, dim)."""
+    """Return the gradients of the k barycentric coordinates of n facets, shape (n, k, dim)."""
     edges = corners[:, 1:] - corners[:, :1]
     inner = np.einsum("nai,nbi->nab", edges, edges)
     rest = np.linalg.solve(inner, edges)

@@ -23,7 +23,7 @@ _PLANE = 1e-10  # relative to the extent: range of z of a plane curve
 
 
 def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
-    """Return points (m, dim) and facets (k, dim) read from a file.
+    """Read a surface: points, shape (m, dim), and point indices of facets, shape (k, dim).
 
     Facets from an STL file do not share points.
 
@@ -50,7 +50,7 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
 
 def _of_stl(path: Path) -> Array:
-    """Return the corners (k, 3, 3) of a binary or ASCII STL file.
+    """Return the corners of the triangles in a binary or ASCII STL file, shape (k, 3, 3).
 
     A file counts as binary if its length matches its number of facets, because the header of a
     binary file may also begin with "solid".
@@ -71,7 +71,7 @@ def _of_stl(path: Path) -> Array:
 
 
 def _of_text(path: Path, text: str) -> Array:
-    """Return the corners (k, 3, 3) of an ASCII STL file with one or more solids."""
+    """Return the triangle corners in an ASCII STL file of any number of solids, (k, 3, 3)."""
     lines = [line.split() for line in text.lower().splitlines() if line.strip()]
     if lines[-1][0] != "endsolid":
         raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")
@@ -119,7 +119,7 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
 
 def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, list[int]]:
-    """Return the dimension and the entity tags of a physical group."""
+    """Return the dimension of a physical group, and the tags of its gmsh entities."""
     if group is None:
         dim = 2 if any(len(model.mesh.getElements(2, e)[0]) for _, e in model.getEntities(2)) else 1
         return dim, [e for _, e in model.getEntities(dim)]

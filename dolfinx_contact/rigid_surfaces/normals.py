@@ -5,21 +5,20 @@ The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any tw
 trapezoidal rule). Unit normals of planes, spheres and circular cylinders, and of their smooth
 combinations along edges of facets, thus satisfy
 
-    (n_a + n_b).(x_b - x_a) = 0    for every edge,
+    (n_a + n_b).(x_b - x_a) = 0    for every edge.
 
-The normals of any other smooth surface satisfy this condition up to the order h^3. Normals are
-computed by least squares, as close to an initial guess as the condition allows, since the edges of
-strips of facets do not determine them. The guess is the sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over
-the facets around a point, where e_1 and e_2 are the edges meeting there; it is exact for a sphere
-through the points (Max, J. Graphics Tools 4(2), 1999). For segments the guess is the sum of n_s /
-|s|, which is exact for a circle. Between a flat and a curved part the guess is the normal of the
-flat part, which is preserved. Flat parts must have at least two triangles, because the normal of a
-single triangle of a curved part also satisfies the condition.
+The normals of any other smooth surface satisfy this condition up to the order h^3, where h is the
+facet size. In strips of facets the condition does not determine the normals. Normals are therefore
+computed by least squares, as close to an initial guess as the condition allows. The guess is the
+sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over the facets around a point, where e_1 and e_2 are the edges
+meeting there; it is exact for a sphere through the points (Max, J. Graphics Tools 4(2), 1999). For
+segments the guess is the sum of n_s / |s|, which is exact for a circle. Between a flat and a curved
+part the guess is the normal of the flat part, which is preserved. Flat parts must have at least two
+triangles, because the normal of a single triangle of a curved part also satisfies the condition.
 
-Noisy points, or facets that do not approximate a smooth surface, for example around a rim that is
-partly a crease, can result in normals that do not fit any facet. Therefore the deviation of a
-normal from the guess is limited to the deviations of the facet normals around the point or an
-adjacent point.
+If points are noisy, or facets do not approximate a smooth surface, for example around a rim that is
+partly a crease, normals can differ strongly from those of all facets. Therefore a normal must not
+deviate from the guess by more than the facet normals around the point or an adjacent point do.
 
 At a *tip*, such as the apex of a cone, the tangent plane is not defined. A tip is detected where
 n_a.(x_b - x_a) has the same sign for all edges and n_b.(x_b - x_a) is much smaller; at the pole of
@@ -51,7 +50,7 @@ _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return facet normals with the length of the segment, or twice the triangle area.
+    """Return facet normals, whose length is the segment length or twice the triangle area.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -60,7 +59,7 @@ def crossed(corners: Array) -> Array:
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Return fan indices by corner (k dim,), with separate fans for all corners at tips.
+    """Give every corner at a tip its own fan; return the fan of each corner, shape (k dim,).
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -85,12 +84,13 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
 
 
 def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
-    """Return unit normals at the corners of facets (k, dim, dim), equal within a fan.
+    """Return unit normals at the corners of k facets, equal within a fan of facets.
 
-    If a facet bends much less than the most bent facet of its fan, like a flat part next to a
-    rounded edge, its weight in the guess is increased by a power of the ratio of the bends, so that
-    the surface continues this facet smoothly. For a facet at a crease, such as a chamfer, the bend
-    at the crease is included.
+    The *bend* of a facet is the largest rotation of normals per length along its edges. If a facet
+    bends much less than the most bent facet of its fan, like a flat part next to a rounded edge,
+    its weight in the guess is increased by a power of the ratio of their bends, so that the surface
+    continues this facet smoothly. For a facet at a crease, such as a chamfer, the bend at the
+    crease is included. The normals have the shape (k, dim, dim).
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -125,7 +125,7 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Limit the deviation of normals from the guess to the deviation of adjacent facets."""
+    """Limit the deviation of normals from the guess to that of adjacent facet normals."""
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -147,7 +147,10 @@ def _weights(corners: Array) -> Array:
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Return normalised, weighted sums of facet normals over fans, shape (k, dim, dim)."""
+    """Return the normalised weighted sum of facet normals over the fan of each corner.
+
+    The shape is (k, dim, dim) for k facets.
+    """
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
@@ -157,14 +160,14 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Return normals (k, dim, dim) satisfying the edge condition by least squares.
+    """Return normals that satisfy the edge condition by least squares, shape (k, dim, dim).
 
     Args:
         edges_of_fans: result of `_edges`.
         guess: unit normals at the corners of facets, shape (k, dim, dim).
         fans: indices of the fans, by corner, shape (k dim,).
-        part: factors of the deviation from the guess, by corner, shape (k dim,); each fan uses its
-            smallest factor.
+        part: factors by which the deviation from the guess is multiplied, by corner, shape (k
+            dim,); each fan uses the smallest factor of its corners.
     """
     a, b, edges = edges_of_fans
     dim = guess.shape[1]
@@ -191,7 +194,7 @@ def _along_edges(
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
-    """Return each edge of the facets once: fan indices at both ends, and unit vectors (n, dim)."""
+    """Return n distinct facet edges: fans at both ends, and unit vectors, shape (n, dim)."""
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
@@ -203,7 +206,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """Return the largest rotation of the normals per length along the edges of each facet (k,)."""
+    """Return the largest rotation of normals per length along edges of a facet, shape (k,)."""
     i, j = np.transpose(_SIDES[corners.shape[1]])
     turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=2)
     length = np.linalg.norm(corners[:, j] - corners[:, i], axis=2)
@@ -211,7 +214,7 @@ def _bends(corners: Array, normals: Array) -> Array:
 
 
 def _most(values: Array, groups: Ints) -> Array:
-    """Return for each value the maximum over its group, shape (n,)."""
+    """Return the maximum over the group of each value, shape (n,)."""
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return most[groups]

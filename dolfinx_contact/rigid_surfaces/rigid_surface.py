@@ -35,9 +35,9 @@ class RigidSurface(ReadOnly, Obstacle):
 
     Gaps and normals are evaluated at the closest point of the surface, with exact derivatives. The
     surface moves as the shape of a `RigidBody`. The gap is the exact signed distance from the
-    facets, also at edges and corners, where it is the distance from the edge or corner within its
-    normal cone. Facets of a convex curved surface are chords, inside the surface by h^2/(8 R)
-    (indicator ``facets``).
+    facets. For points in the normal cone of an edge or a corner, it is the distance from this edge
+    or corner. Facets of size h of a convex surface with the radius of curvature R are chords, which
+    lie up to h^2/(8 R) inside the surface (indicator ``facets``).
 
     *Orientation.* Normals point out of the obstacle, towards the body. Triangles are
     counter-clockwise as seen from the body; segments have the obstacle on their left. A closed
@@ -177,15 +177,16 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @cached_property
     def facet_size(self) -> float:
-        """Mean facet size, a length."""
+        """Mean size of the facets, a length."""
         areas = np.linalg.norm(area_vectors(self.points[self.cells]), axis=1)
         return float(areas.mean() ** (1 / (self.points.shape[1] - 1)))
 
     @cached_property
     def heights(self) -> tuple[Array, Array]:
-        """Heights of the smooth surface over the facets, and facet widths, shape (k,) each.
+        """Heights of the smooth surface above its k facets, and facet widths, shape (k,) each.
 
-        They follow from the averaged normals: 0 for flat parts, h^2/(8 R) for chords of a circle.
+        Heights follow from the averaged normals: 0 for flat parts, h^2/(8 R) for chords of length h
+        of a circle of radius R.
         """
         corners = self.points[self.cells]
         tilts = self._surface.corner_normals - self._surface.normals[:, None]
@@ -199,9 +200,10 @@ class RigidSurface(ReadOnly, Obstacle):
         return self._surface.edges
 
     def distances(self, x: npt.ArrayLike) -> Distances:
-        """Return signed distances of points (n, dim) from the facets. Not collective.
+        """Return signed distances of points from the facets, without `rounding`. Not collective.
 
-        ``rounding`` is not taken into account.
+        Args:
+            x: points, shape (n, dim).
 
         Raises:
             ValueError: if the points do not have the shape (n, dim).
@@ -244,9 +246,9 @@ class RigidSurface(ReadOnly, Obstacle):
         return Start(gap, height, normal, held)
 
     def _ends(self, widths: Array) -> Array:
-        """Return the widths past the rim within which points leave gradually.
+        """Return the distances past the rim within which points leave gradually.
 
-        Widths up to the rounding radius are replaced by zero.
+        Distances up to the rounding radius are replaced by zero.
         """
         return np.where(widths > self.rounding, widths, 0.0)
 

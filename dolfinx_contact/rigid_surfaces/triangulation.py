@@ -3,9 +3,9 @@
 
 A *ridge* is the intersection of two facets: a point in 2D, an edge in 3D. A ridge with a single
 facet is part of the rim of an open surface. A ridge with three or more facets is an error. Corner
-normals (`normals`) are averaged over the facets that are not separated by creases. The side of a
-point is determined by angle-weighted pseudonormals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
-Graph. 11, 2005).
+normals (`normals`) are averaged over the facets that are not separated by creases. Angle-weighted
+pseudonormals determine on which side of the surface a point is (Baerentzen and Aanaes, IEEE Trans.
+Vis. Comput. Graph. 11, 2005).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _REPAIR = "pyvista.read(path).clean().compute_normals(auto_orient_normals=True)"
 
 @dataclass(frozen=True)
 class Features:
-    """Normals and flags of the ridges or of the points of a surface.
+    """Normals and flags of all ridges, or of all points, of a surface.
 
     Attributes:
         normals: outward pseudonormals, not normalised, shape (m, dim).
@@ -99,9 +99,10 @@ class _Ridges:
         what: name of the ridges in messages.
         numbers: indices of the ridges opposite to the corners of facets, shape (k, dim).
         nodes: points of the ridges, in the orientation of the facet, shape (k dim, dim - 1).
-        signs: orientations of the ridges in their facets, shape (k dim,).
-        first: indices (among k dim) of the interior ridges in the first of their two facets.
-        second: indices of the same ridges in the second facet.
+        signs: orientation of each ridge in its facet, 1 or -1, shape (k dim,).
+        first: for each interior ridge, its row in ``nodes`` that belongs to the first of its two
+        facets.
+        second: for each interior ridge, its row in ``nodes`` that belongs to the second facet.
         rims: mask of the ridges with a single facet, shape (k, dim).
     """
 
@@ -139,7 +140,7 @@ class _Ridges:
         return self.signs[self.first] == self.signs[self.second]
 
     def fans(self, cells: Ints, joined: Mask) -> Ints:
-        """Return the indices of the fans of facets around points, by corner, shape (k dim,).
+        """Return the index of the fan of facets that contains each corner, shape (k dim,).
 
         Two corners at the same point belong to the same fan if a joined ridge connects their
         facets.
@@ -172,7 +173,7 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 def triangulated(
     points: Array, cells: Ints, crease: float, name: str, *, inward: bool = False
 ) -> Triangulation:
-    """Return a surface with consistently oriented facets.
+    """Validate a surface and compute its ridges and normals.
 
     Args:
         points: points, shape (m, dim).
@@ -258,7 +259,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
 
 
 def _check_torn(points: Array, cells: Ints, ridges: _Ridges, name: str) -> None:
-    """Raise ``ValueError`` if facets do not meet: rim points on or near other rim facets."""
+    """Raise ``ValueError`` if facets do not join: rim points lie on or near rim facets."""
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
     if len(several):
@@ -323,14 +324,14 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Return the signed volumes (k,) of the cones from the centre of the surface to its facets."""
+    """Return the signed volumes of the cones from the surface centre to facets, shape (k,)."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
     return dot(corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
 
 
 def _angles(corners: Array) -> Array:
-    """Return the angles of facets at their corners, shape (k, dim); 1 for segments."""
+    """Return the angle of each facet at each corner, shape (k, dim); 1 for segments."""
     if corners.shape[1] == 2:
         return np.ones(corners.shape[:2])
     a = np.roll(corners, -1, axis=1) - corners

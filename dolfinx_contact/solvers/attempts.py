@@ -29,14 +29,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Step:
-    """Newton iterate.
+    """Newton iterate, as reported to monitors.
 
     Attributes:
         iteration: number of the iterate, 0 for the start.
-        measures: measures of its residual.
-        flips: number of points whose status changed in the last step.
-        load: applied part of the load.
-        krylov: iterations of the linear solver in the last step.
+        measures: relative residuals of the iterate (`equations.measures.Measures`).
+        flips: number of points whose status changed in the step to this iterate.
+        load: applied fraction of the load, 0 to 1.
+        krylov: iterations of the linear solver in the step to this iterate.
     """
 
     iteration: int
@@ -61,16 +61,16 @@ class Attempt:
 
     Attributes:
         strategy: name of the strategy.
-        reason: reason for its end.
+        reason: reason why the attempt ended.
         steps: Newton iterates.
         converged: whether the strategy solved the problem.
-        restless: coordinates of points whose status changed in the last step, by surface name.
+        restless: coordinates of some points whose status changed in the last step, by surface name.
         limit: cost, in Newton steps, at which the strategy gives up.
         evaluations: number of residual evaluations.
-        linear_solver_failed: whether it ended because PETSc did not solve a linear system.
-        floats: whether it ended because a rigid motion of the body was free.
-        evaluation: evaluation at the solution, until the result is made; None if it must be
-            repeated.
+        linear_solver_failed: whether the attempt ended because PETSc did not solve a linear system.
+        floats: whether the attempt ended because a rigid motion of the body was free.
+        evaluation: evaluation of H at the solution, from which the result is computed; None if H
+            must be evaluated again.
         series: further values reported by an algorithm, by name, one per iterate unless the
             algorithm states otherwise.
     """
@@ -140,8 +140,8 @@ class SolveProgress(Progress):
 
     Args:
         comm: communicator; only rank 0 writes.
-        wanted: whether progress is shown; default: once the solve has taken some seconds, unless
-            the log contains every iteration.
+        wanted: whether to show progress; by default it is shown after some seconds, unless the log
+            contains every iteration.
         stream: see `Progress`.
 
     Attributes:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pivoting: solve H with fixed statuses, then change the statuses that the solution violates.
+"""Pivoting: solve H = 0 with fixed statuses, then change the statuses that the solution violates.
 
 Block principal pivoting with a safeguard (Judice and Pires, Computers & Operations Research 21,
-1994). A point *objects* if the solution requires another status there.
+1994). A point *objects* if the solution requires a status other than the prescribed one there.
 
-1. Solve the piece of H with the held statuses.
+1. Solve H = 0 with prescribed statuses.
 2. As long as the number of objecting points reaches new minima, all of them change their status.
-3. After some rounds without a new minimum only the last one changes, in the order of coordinates
-   (Murty's rule), and stick comes between the two senses of slip.
+3. After some rounds without a new minimum only the last objecting point in the order of coordinates
+   changes its status (Murty's rule). Slip is not reversed directly: the point sticks in between.
 
 For a linear body in 2D and small friction each round is a step of a method for linear
 complementarity problems that is known to terminate.
@@ -66,7 +66,12 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def _by_stick(required: Codes, held: Codes) -> Codes:
-    """Return the required statuses, but stick where slip would be reversed."""
+    """Return the required statuses, with stick at points where slip would be reversed.
+
+    Args:
+        required: statuses required by the solution.
+        held: statuses with which the solution was computed.
+    """
     before = senses(held)
     after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))

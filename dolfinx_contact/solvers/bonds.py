@@ -6,7 +6,8 @@ a softening bond pushes its neighbours, and they push it. This strategy is the a
 minimisation of Bourdin, Francfort and Marigo (J. Mech. Phys. Solids 48, 2000):
 
 1. the strengths of all bonds are held, and contact and friction are solved with them;
-2. the strength of each bond is reduced to the value of the law at that state, if it is smaller;
+2. the strength of each bond is reduced to the value given by the law at that state, if this is
+   smaller;
 3. when the strengths hardly change any more, Newton's method continues with the law itself.
 
 No bond ever grows stronger, so the strengths converge for any step. Where the state jumps, bonds
@@ -38,7 +39,7 @@ _ROUNDS = 2000  # largest number of rounds
 
 
 def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve from ``x``, which is overwritten, with strengths that only decrease. Collective."""
+    """Solve from ``x``, which is overwritten, with decreasing strengths of bonds. Collective."""
     eq = solver.equations
     strengths = [
         c.data.fields[s.law.weakening.name].copy() if s.law.weakens and s.law.weakening else None
@@ -86,7 +87,7 @@ def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: 
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
-    """Reduce strengths to the strengths of the law at a state; return the largest change."""
+    """Reduce strengths to those of the law at a state; return the largest change of a strength."""
     change = 0.0
     for i, (s, contact) in enumerate(
         zip(eq.surfaces, eq.evaluate_contact(x).surfaces, strict=True)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Closed nodes and points in a multigrid hierarchy of the stiffness.
 
-On a rigid obstacle closed nodes are held. Closed nodes of two bodies move together, which coarse
-levels must represent: the hierarchy is built from
+On a rigid obstacle, closed nodes are held. Closed nodes of two bodies move together. Coarse levels
+must represent this; therefore the hierarchy is built from
 
     K + B_c^T kappa B_c
 
-with the rows c of B at the closed points. The spring of a point is as stiff as the nodes that it
-joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a node if there are
-more points than nodes. Stiffer springs impair the smoother. The remaining compliance across one
-layer of cells is corrected by the exact solve on the surface.
+where B_c contains the rows of B at the closed points. The spring of a point is as stiff as the
+nodes that it joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a
+node if there are more points than nodes. Stiffer springs impair the smoother. The remaining
+compliance across one layer of cells is corrected by the exact solve on the surface.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ClosedPoints:
 
     Attributes:
         held: mask of owned displacement dofs of nodes in contact with an obstacle.
-        joined: masks of closed points of this rank, one per pair of bodies.
+        joined: masks of closed points of this rank, one per contact pair.
         guessed: whether closed nodes are guessed because a surface has no closed point.
     """
 
@@ -93,7 +93,7 @@ class ClosedPoints:
         Args:
             equations: contact problem.
             stiffness: stiffness K.
-            evaluation: evaluation with the positions of sliding faces.
+            evaluation: evaluation that contains B, which depends on the state for sliding faces.
         """
         pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
         if not pairs:
@@ -119,10 +119,10 @@ class ClosedPoints:
 
 
 def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints, Array]:
-    """Return nodes (rows, columns) and stiffness of the springs of joined points. Collective.
+    """Return the springs of joined points as matrix entries: rows, columns, values. Collective.
 
     Args:
-        B: operator B without components; overwritten by B with scaled rows.
+        B: scalar matrix b of B = b (x) I; its rows are scaled.
         share: ratio of the area of each joined point to the area of a node, shape (n,).
         compliance: compliance of the owned nodes.
     """

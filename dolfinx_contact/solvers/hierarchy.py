@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Multigrid hierarchy of the stiffness that is kept when statuses change.
+"""Multigrid hierarchy of the stiffness, which remains in use when statuses change.
 
 Algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
 space. The hierarchy is built from the stiffness with all currently closed nodes fixed. Statuses may
@@ -7,8 +7,8 @@ change afterwards, because the surface filter corrects the resulting errors at t
 Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more in the set-up
 and needs fewer iterations.
 
-In a time step, the mass may make the matrix so well conditioned that a hierarchy does not pay. A
-polynomial preconditioner of low degree is then used instead.
+In a time step, the mass may make the matrix so well conditioned that a hierarchy costs more than it
+saves. A polynomial preconditioner of low degree is then used instead.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _GAMG: dict[str, Any] = {
 class Interpolation:
     """Interpolation of GAMG and its measured costs (`benchmarks/settings_study.py`).
 
-    The unit of costs is an iteration with plain aggregates.
+    Costs are multiples of the cost of an iteration with plain aggregates.
 
     Attributes:
         options: PETSc options of the PC.
@@ -115,14 +115,14 @@ _PRODUCTS = {"matptap_via": "rap"}
 
 
 class Hierarchy:
-    """Multigrid hierarchy of the stiffness, kept until the next call of `build`.
+    """Multigrid hierarchy of the stiffness, in use until the next call of `build`.
 
     Args:
         V: displacement space.
-        prefix: prefix of PETSc options; the hierarchy appends ``amg_``.
+        prefix: prefix of PETSc options, to which the hierarchy appends ``amg_``.
         symmetric: whether the stiffness is symmetric and positive definite.
-        massive: whether a mass matrix is added to the stiffness; a polynomial preconditioner may
-            then suffice.
+        massive: whether the stiffness contains a mass matrix; a polynomial preconditioner may then
+            suffice.
         interpolation: interpolation of GAMG, `PLAIN` or `SMOOTHED` aggregates.
 
     Attributes:
@@ -186,7 +186,7 @@ class Hierarchy:
             identity: owned local dofs whose rows and columns become ``diagonal`` times the
                 identity.
             diagonal: diagonal entry of these rows.
-            added: matrix to add to ``K`` first; consumed.
+            added: matrix to add to ``K`` first; it is destroyed.
             half: symmetric storage (upper half) of ``K``, if available for the lifetime of the
                 hierarchy.
         """
@@ -243,7 +243,7 @@ class Hierarchy:
             self.matrix = None
 
     def set_up(self, pc: PETSc.PC) -> None:
-        """Set up a PC that has its operators, with the options of the hierarchy. Collective.
+        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
 
         Raises:
             ValueError: on every rank, if hypre is chosen and PETSc was built without it.
@@ -266,9 +266,10 @@ class Hierarchy:
 
 
 class _Held:
-    """Context of a Mat: symmetric matrix with some rows and columns set to a scaled identity.
+    """Context of a matrix-free Mat: a matrix with some rows and columns of a scaled identity.
 
-    Matrix and work vector are composed with the Mat, which frees them on all ranks.
+    The symmetric matrix and a work vector are composed with the Mat, so that PETSc frees them on
+    all ranks.
 
     Args:
         rows: owned local indices of the replaced rows.
@@ -295,7 +296,7 @@ class _Held:
 
 
 def _held(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
-    """Return a matrix-free ``A`` whose held rows and columns are a scaled identity. Collective."""
+    """Return matrix-free ``A`` with some rows and columns of a scaled identity. Collective."""
     made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
     made.setUp()
     work = A.createVecRight()
@@ -306,7 +307,7 @@ def _held(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
 
 
 def condition(A: PETSc.Mat, steps: int) -> float:
-    """Return a lower bound of the condition number after diagonal scaling. Collective.
+    """Return a lower bound of the condition number of A after diagonal scaling. Collective.
 
     It uses the Ritz values of conjugate gradients.
 

@@ -3,9 +3,9 @@
 
 `AssembledSolver`, called direct, is any KSP and PC on the assembled Jacobian, by default MUMPS. The
 other solver, amg, is `multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg.
-auto chooses direct in three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies;
-with a ``ksp_type`` or ``pc_type`` of the user. Otherwise it chooses amg. If multigrid stagnates,
-the direct solver takes over if the free memory suffices.
+auto chooses direct in three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies; if
+the user sets ``ksp_type`` or ``pc_type``. Otherwise it chooses amg. If multigrid stagnates, the
+direct solver is used instead, provided that the free memory suffices.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class AssembledSolver(LinearSolver):
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Compute the true residual, since a KSP tests the preconditioned one."""
+        """Compute the true residual, since the KSP monitors the preconditioned one."""
         r = b.duplicate()
         self.matrix.mult(x, r)
         r.axpy(-1.0, b)
@@ -104,8 +104,8 @@ class AssembledSolver(LinearSolver):
 class LinearSolverChoice:
     """Linear solver of a problem, created when it is first needed. Collective.
 
-    It is created again if options other than those of SNES have changed. The previous one is then
-    released; a branch that is followed with it keeps it until it ends.
+    The solver is created again if PETSc options other than those of SNES have changed. The previous
+    solver is then released; a branch traced with it continues to own it until the branch ends.
 
     Args:
         equations: contact problem.
@@ -117,7 +117,7 @@ class LinearSolverChoice:
         self._options: dict[str, str] = {}
 
     def __call__(self) -> LinearSolver:
-        """Return the solver; raise ``ValueError`` for an unknown kind."""
+        """Return the solver; raise ``ValueError`` for an unknown ``linear_solver``."""
         options = self._equations.options.beside_newton()
         if any_rank(self._equations.comm, options != self._options):
             self.release()
@@ -152,7 +152,7 @@ class LinearSolverChoice:
         return Multigrid(eq)
 
     def fall_back_to_direct(self) -> bool:
-        """Replace multigrid by the direct solver if the user chose neither and memory allows it."""
+        """Replace multigrid by the direct solver if the user chose neither and memory suffices."""
         eq = self._equations
         given = (eq.options.value("linear_solver") or "auto") != "auto"
         if given or self().name == "direct":

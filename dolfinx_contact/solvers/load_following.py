@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Last strategy of a solve: follow the branch of solutions from no load to the whole load.
+"""Last strategy of a solve: trace the solution branch from zero load to the full load.
 
 The load grows as in `ContactEquations.ramped`, with s from 0 to 1. Where the branch turns back,
 load increments fail, but the branch can be followed through its folds.
@@ -31,10 +31,10 @@ _ROUND_OFF = 1e-8  # contact rows, relative to stiffness times displacement, tha
 
 
 class Loaded(ParametricEquations):
-    """Contact problem with a fraction s of its load, within `ContactEquations.ramped`.
+    """Contact problem whose parameter is the applied fraction s of its load.
 
     Args:
-        equations: contact problem under the whole load.
+        equations: contact problem under the full load, within `ContactEquations.ramped`.
         linear: function returning its linear solver.
         ramp: load as yielded by `ContactEquations.ramped`.
     """
@@ -44,7 +44,7 @@ class Loaded(ParametricEquations):
         self._ramp = ramp
 
     def leaves_surfaces_alone(self) -> bool:
-        """Return whether the load does not change the data of the surfaces. Collective."""
+        """Return whether the data of the surfaces are independent of the load. Collective."""
         eq = self.equations
         size = maximum(eq.comm, np.abs(self._ramp.unknowns))
         off = maximum(eq.comm, np.abs(np.concatenate(self._ramp.rows[1:-1])))
@@ -69,7 +69,7 @@ class Loaded(ParametricEquations):
 
 
 def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Follow the load from ``x``, which receives the solution at full load, and return success.
+    """Trace the branch of growing load from ``x``; return whether full load was reached.
 
     Args:
         solver: Newton's method; its maximum number of iterations also applies at points of the

@@ -5,9 +5,9 @@ r"""Matrix-free Jacobian of a contact problem with separate bulk and contact ter
         [ 0  0 ]             [ C  L ]
 
 K is the stiffness; for a linear body it is assembled once. S has nonzero rows only at contact nodes
-and multipliers, and is assembled on the contact facets at every change of status. For finite
-sliding its sparsity pattern changes after each search for facets that may touch. Dirichlet rows are
-the identity times a typical stiffness; their columns are zero.
+and multipliers, and is assembled on the contact facets at every change of status. In large sliding
+its sparsity pattern changes with each search for opposing facets. Dirichlet rows are the identity
+times a typical stiffness; their columns are zero.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class ContactOperator:
     def update_contact(self, evaluation: Evaluation) -> None:
         """Assemble only S; for a nonlinear body, K is then out of date. Collective.
 
-        For finite sliding, `contact` may be a new matrix after this call.
+        In large sliding, `contact` may be a new matrix after this call.
         """
         if self._terms.changed:
             self.contact.destroy()

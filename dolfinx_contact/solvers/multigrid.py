@@ -176,14 +176,22 @@ class Multigrid(LinearSolver):
     def determinant_sign(self) -> float:
         """Return the sign of det P up to a constant factor. Collective.
 
-        P eliminates the surface exactly. On the remaining unknowns it is a multigrid cycle, which
-        is symmetric and positive definite, so the surface block determines the sign.
+        P eliminates the unknowns of the surface exactly. On the remaining unknowns it is a
+        multigrid cycle, which is symmetric and positive definite, so that the surface block
+        determines the sign.
         """
         assert self.filter.block is not None
         return self.filter.block.factor.determinant_sign
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record the excess of the iterations of a solve over a new hierarchy, for `update`."""
+        """Record how many iterations a new hierarchy would have saved in a solve.
+
+        A later step builds a new hierarchy if the savings exceed its cost.
+
+        Args:
+            iterations: iterations of the solve.
+            digits: decimal digits by which the solve has reduced the residual.
+        """
         if self._unused and digits > _SEEN:
             # The iterations of a hierarchy built from a guess do not indicate those of the next.
             guessed = self.builds == 1 or self._closed is None or self._closed.guessed
@@ -194,9 +202,9 @@ class Multigrid(LinearSolver):
 
     @property
     def _per_digit(self) -> float:
-        """Return the expected iterations per decimal digit with a new hierarchy.
+        """Expected number of iterations per decimal digit of the residual with a new hierarchy.
 
-        The number is not smaller than for this hierarchy when it was new, because nearly
+        It is at least the number measured when the present hierarchy was new, because nearly
         incompressible bodies need many iterations with any hierarchy.
         """
         return max(self.hierarchy.interpolation.per_digit, self._measured)
@@ -225,7 +233,7 @@ class Multigrid(LinearSolver):
         return True
 
     def build(self, evaluation: Evaluation) -> None:
-        """Build the hierarchy from the statuses or from guessed ones. Collective."""
+        """Build the hierarchy for the statuses of an evaluation or for guessed ones. Collective."""
         A = self.operator
         self._closed = ClosedPoints.of(self._equations, evaluation)
         held = np.union1d(A.fixed, np.flatnonzero(self._closed.held)).astype(np.int32)
@@ -280,7 +288,7 @@ class Multigrid(LinearSolver):
             self.build(evaluation)
 
     def _is_stale(self, evaluation: Evaluation) -> bool:
-        """Return whether a hierarchy built now would differ. Collective."""
+        """Return whether a hierarchy built for this evaluation would differ. Collective."""
         moved = ClosedPoints.of(self._equations, evaluation).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
         return any_rank(self.comm, moved or other)
@@ -313,5 +321,5 @@ class Multigrid(LinearSolver):
 
 
 def _knows_residual(ksp: PETSc.KSP) -> bool:
-    """Return whether a KSP that is set up provides the norm of the true residual."""
+    """Return whether a KSP, after its set-up, provides the norm of the true residual."""
     return bool(ksp.getNormType() == PETSc.KSP.NormType.UNPRECONDITIONED)

@@ -2,8 +2,8 @@
 """Semismooth Newton's method on SNES.
 
 The statuses are determined again at every iterate before residual and Jacobian are evaluated, so
-the Jacobian is an element of the generalised Jacobian of H. The only exception is the first step of
-a body without contact, which uses guessed statuses. Convergence is judged block by block
+that the Jacobian is an element of the generalised Jacobian of H. The only exception is the first
+step of a body without contact, which uses guessed statuses. Convergence is judged block by block
 (`measures`). Full steps returning to earlier statuses are stopped as a cycle.
 
 SNES requests residual, Jacobian and convergence in separate calls, each for given unknowns. Every
@@ -55,10 +55,11 @@ class LinearSolver(JacobianSolver):
     """Interface of the linear solvers of Newton's method.
 
     Attributes:
-        name: ``direct`` or ``amg``.
-        defaults: PETSc options of the KSP.
+        name: name of the solver, ``direct`` or ``amg``.
+        defaults: default PETSc options of the KSP.
         reduction: reduction of the residual by the last solve; 0 if unknown.
-        iterates_on_request: whether the user's options replace the factorisation by iterations.
+        iterates_on_request: whether the user's options replace the factorisation by an iterative
+            method.
     """
 
     name: str
@@ -71,8 +72,8 @@ class LinearSolver(JacobianSolver):
 
         Args:
             ksp: linear solver of SNES.
-            remainder: function of a correction returning the norm of H after it, in the rows of
-                the contact conditions; collective.
+            remainder: collective function that maps a correction to the norm of the contact rows of
+                H after the correction.
         """
 
     def prepare(
@@ -82,7 +83,7 @@ class LinearSolver(JacobianSolver):
 
         Args:
             ksp: linear solver of SNES.
-            step: iterate.
+            step: Newton iterate from which the step is taken.
             target: relative residual at which Newton's method ends.
             evaluation: evaluation at the iterate.
             warm: whether Newton's method began from a state in contact.
@@ -112,13 +113,14 @@ class _Run:
     Attributes:
         equations: contact problem.
         attempt: attempt recording the iterates.
-        latest: latest evaluation of H; None before the first one.
-        held: statuses with which H is evaluated; None: those determined by the unknowns.
-        most: number of steps after which the run ends; None: only at a solution.
-        history: statuses and residual of the iterates.
-        guess: statuses for the next Jacobian; None: statuses of the iterate.
+        latest: latest evaluation of H; None before the first evaluation.
+        held: prescribed statuses with which H is evaluated; None for the statuses determined by the
+            unknowns.
+        most: number of steps after which the run ends; None to end only at a solution.
+        history: statuses and largest relative residual of the iterates.
+        guess: statuses for the next Jacobian; None for the statuses of the iterate.
         warm: whether the run began from a state in contact.
-        floating: error about a free rigid motion, which ended the run.
+        floating: error that ended the run because a rigid motion is free; None without one.
     """
 
     equations: ContactEquations
@@ -132,13 +134,13 @@ class _Run:
     floating: FloatingBodyError | None = None
 
     def known(self, x: PETSc.Vec) -> Evaluation | None:
-        """Return the latest evaluation if it is at ``x``, otherwise None. Collective."""
+        """Return the latest evaluation of H if it is at ``x``, otherwise None. Collective."""
         latest = self.latest
         same = latest is not None and np.array_equal(x.array_r, latest.unknowns)
         return None if any_rank(self.equations.comm, not same) else latest
 
     def at(self, x: PETSc.Vec) -> Evaluation:
-        """Return the evaluation of H at ``x``, repeated only if needed. Collective."""
+        """Return the evaluation of H at ``x``, reusing the latest one if possible. Collective."""
         state = self.known(x)
         if state is None:
             with logged("ContactResidual"):
@@ -156,7 +158,7 @@ class Newton:
         equations: contact problem.
         linear: linear solver.
         line_search: name of a line search of PETSc; ``"none"`` for full steps.
-        monitor: function called with every iterate; None: none.
+        monitor: function called with every iterate (`Step`); None for no monitor.
 
     Attributes:
         snes: SNES.
@@ -238,8 +240,9 @@ class Newton:
             attempt: attempt recording the iterates, the reason for the end, and the evaluation
                 at a solution of H.
             start: evaluation at the start, if available.
-            held: statuses with which H is evaluated; default: statuses determined by the unknowns.
-            most: number of steps after which the run ends successfully; default: none.
+            held: prescribed statuses with which H is evaluated; default: statuses determined by the
+                unknowns.
+            most: number of steps after which the run ends successfully; default: no such number.
 
         Raises:
             FloatingBodyError: if a rigid motion is free.
@@ -284,7 +287,7 @@ class Newton:
         return bool(reason > 0)
 
     def run_holding(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
-        """Like `run` from ``x``, but the first step holds given statuses."""
+        """Like `run` from ``x``, but with given statuses in the first step."""
         start = x.copy()
         if not self.run(x, attempt, held=statuses, most=1):
             start.copy(x)
@@ -292,7 +295,7 @@ class Newton:
         return self.run(x, attempt)
 
     def _retry(self, y: PETSc.Vec) -> None:
-        """Continue from ``y`` with new preconditioners while linear solves fail."""
+        """Continue from ``y`` with other preconditioners as long as linear solves fail."""
         for again in range(_RETRIES):
             # A preconditioner that failed in its first step is not worth another of its kind.
             useless = again > 0 and self.snes.getIterationNumber() == 0
@@ -347,7 +350,7 @@ class Newton:
             run.latest = replace(state, unknowns=after.array_r.copy())
 
     def _remainder(self, correction: PETSc.Vec) -> float:
-        """Return the norm of H after a full step, in the rows of the contact conditions."""
+        """Return the norm of the contact rows of H after a full step with this correction."""
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
         rows = self.equations.contact_rows(after, self._run.held)
@@ -410,7 +413,7 @@ class Newton:
             self.monitor(step)
 
     def _measure(self, evaluation: Evaluation) -> Measures:
-        """Return the measures of the residual of a state.
+        """Return the relative residuals of a state.
 
         The scales include the forces and lengths of the start. If an apparently converged state has
         scales a million times smaller, these are used from then on, because relative to a distant
@@ -427,12 +430,12 @@ class Newton:
         return measures
 
     def _first_statuses(self, statuses: Statuses, evaluation: Evaluation) -> Statuses:
-        """Return the statuses of the first step, guessed where a body touches nothing.
+        """Return the statuses for the first step; guess them if a body touches nothing.
 
-        Without guesses the first step would lead such a body into the obstacle, and the second step
-        would hold all points inside it. Points that are expected to close therefore stick in the
-        first step. Prescribed statuses are not replaced. A line search needs a step of H itself;
-        statuses are then guessed only if a body would float.
+        Without guesses the first step would move such a body into the obstacle, and in the second
+        step all points inside the obstacle would be closed. Therefore points that are expected to
+        close stick in the first step. Prescribed statuses are not replaced. A line search needs the
+        step of H with its own statuses; statuses are then guessed only if a body would float.
         """
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, evaluation)
@@ -442,7 +445,7 @@ class Newton:
         return statuses
 
     def _floats(self, statuses: Statuses, evaluation: Evaluation) -> bool:
-        """Return whether a rigid motion is free, and store the error."""
+        """Return whether a rigid motion is free; if so, store the error in the run."""
         loose = self.equations.scaling.not_held(statuses, evaluation)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""

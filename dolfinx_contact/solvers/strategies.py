@@ -3,8 +3,8 @@
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
 Newton's method begins at extrapolated unknowns if the caller has them. Then the first step may use
-expected statuses, such as the statuses of the previous step of an evolution: at the start of a step
-every slipping point is at the border of stick, and its own state does not determine its status. The
+expected statuses, such as those of the previous step of an evolution: at the start of a step every
+slipping point is at the border of stick, so that the unknowns do not determine its status. The
 strategies, in this order and each from the caller's state:
 
 1. Full Newton steps.
@@ -23,9 +23,10 @@ strategies, in this order and each from the caller's state:
 
 The modules of the other strategies are loaded when full steps fail.
 
-A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
-first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
-(det F <= 0) is only accepted if load increments find no other.
+A brief trial (`Trial.brief`) ends after the first strategy; it is used for steps that may be
+shortened. Each strategy but the first has a budget in Newton steps. A solution in which a
+hyperelastic body is turned inside out (det F <= 0) is only accepted if load increments find no
+other.
 """
 
 from __future__ import annotations
@@ -75,11 +76,11 @@ class Trial:
     """Starting points of a solve, and the strategies that it tries.
 
     Attributes:
-        expected: expected statuses, the likeliest first.
+        expected: expected statuses, in order of decreasing likelihood.
         extrapolated: owned unknowns from which Newton's method starts first; None if there are
             none.
-        brief: whether to try only Newton's method with full steps, from these starts and from the
-            state of the caller; for steps that may be shortened.
+        brief: whether to try only Newton's method with full steps, from these starting points and
+            from the state of the caller, for steps that may be shortened.
     """
 
     expected: Sequence[Statuses] = ()
@@ -102,8 +103,8 @@ def solve(
 
     Args:
         equations: contact problem.
-        linear: choice of its linear solver.
-        x0: start.
+        linear: linear solver of the problem, created when it is first needed.
+        x0: unknowns at the start.
         monitor: function called with every Newton iterate, on every rank.
         increments: initial number of load increments.
         progress: progress line.
@@ -183,7 +184,7 @@ def solve(
 
 
 def _would_fail(name: str, attempts: Sequence[Attempt], inverting: Attempt | None) -> bool:
-    """Return whether a strategy would fail for the reason of an earlier one.
+    """Return whether a strategy would fail for the same reason as an earlier one.
 
     Args:
         name: name of the strategy.
@@ -258,11 +259,11 @@ class _Strategy:
 
     Attributes:
         name: name of the strategy.
-        run: its function.
-        line_search: line search of PETSc.
+        run: function that carries out the strategy.
+        line_search: name of the line search of PETSc.
         is_newton: whether it is Newton's method, which may continue with the direct solver.
         automatic: whether the automatic augmentation parameter replaces a forced one.
-        limit: cost in Newton steps at which it gives up; default: none.
+        limit: cost in Newton steps at which the strategy gives up; default: no limit.
     """
 
     name: str

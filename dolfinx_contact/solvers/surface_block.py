@@ -48,7 +48,7 @@ class SurfaceSet:
         on_slave: mask of the displacement dofs on the slave side, which may have a multiplier of
             their own.
         fixed: positions in s with Dirichlet data.
-        of_all: index set of s in the numbering of all unknowns.
+        of_all: index set of the unknowns s in the numbering of all unknowns.
         of_body: index set of the displacement dofs of s in the numbering of the stiffness.
         displacements: index set of the displacement dofs of s in the numbering of all unknowns.
         multipliers: index set of the multipliers in the numbering of all unknowns.
@@ -101,7 +101,7 @@ class SurfaceBlock:
         self._made: dict[str, PETSc.Mat] = {}
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
-        """Set the stiffness of the contact nodes, in the numbering of s. Collective."""
+        """Set the stiffness of the contact nodes, a matrix in the numbering of s. Collective."""
         rows, columns, values = triplets(square)
         n = len(self._s.local)
         places = (self._comm.exscan(n) or 0) + np.arange(self._s.displacement_count)
@@ -129,7 +129,14 @@ class SurfaceBlock:
             present.destroy()
 
     def solve(self, residual: Array) -> Array:
-        """Return the unknowns on s for a residual on s, local parts. Collective."""
+        """Solve for the unknowns s of the surface. Collective.
+
+        Args:
+            residual: local part of the residual in the rows of s.
+
+        Returns:
+            Local part of the solution.
+        """
         x, b = self._made["block"].createVecs()
         b.array[:] = residual
         self.factor.solve(b, x)
@@ -181,7 +188,8 @@ class CondensedBlock(SurfaceBlock):
     """Direct solver of the block on s that condenses the multipliers.
 
     Attributes:
-        applies: whether every multiplier has one dof, or was removed.
+        applies: whether every multiplier acts on a single slave dof or was removed, so that the
+            multipliers can be condensed.
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
@@ -250,7 +258,14 @@ class CondensedBlock(SurfaceBlock):
         self._made[name] = A.matMult(self._made[second], self._made.get(name))
 
     def solve(self, residual: Array) -> Array:
-        """Return the unknowns on s for a residual on s, local parts. Collective."""
+        """Solve for the unknowns s of the surface. Collective.
+
+        Args:
+            residual: local part of the residual in the rows of s.
+
+        Returns:
+            Local part of the solution.
+        """
         made = self._made
         r_l, r_c = made["T"].createVecs()
         b = r_c.duplicate()
@@ -286,7 +301,7 @@ def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> Indices:
-    """Return the owned displacement dofs of all contact facets, local indices. Collective.
+    """Return local indices of the owned displacement dofs of all contact facets. Collective.
 
     Args:
         equations: contact problem.

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Surface filter: preconditioner of a multigrid cycle and exact solves on the contact surface.
 
-With s all dofs of the contact nodes and all multipliers, one application to a residual r is
+Let s denote all dofs of the contact nodes and all multipliers, and E the inclusion of these
+unknowns. One application to a residual r is
 
     z = E A_ss^-1 E^T r,   z += M (r - J z)_u,   z += E A_ss^-1 E^T (r - J z),
 
@@ -34,7 +35,7 @@ class SurfaceFilter:
 
     Args:
         operator: Jacobian.
-        prefix: prefix of PETSc options; the surface solve appends ``surface_``.
+        prefix: prefix of PETSc options, to which the surface solve appends ``surface_``.
 
     Attributes:
         cycle: PC of the displacement that approximates the inverse of the stiffness.
@@ -128,18 +129,25 @@ class SurfaceFilter:
         z.array[s] += self.solve(rest)
 
     def is_on_surface(self, r: PETSc.Vec, share: float) -> bool:
-        """Return whether ``r`` on the surface exceeds a share of its norm. Collective.
+        """Return whether the norm of ``r`` on the surface exceeds a fraction of |r|. Collective.
 
         Args:
             r: residual; for NaN the result is False.
-            share: share of the norm.
+            share: fraction of the norm |r| of the whole residual.
         """
         squares = np.array([np.sum(r.array_r[self.surface.local] ** 2), np.sum(r.array_r**2)])
         on_surface, whole = total(self.comm, squares)
         return bool(on_surface > share**2 * whole)
 
     def solve(self, residual: Array) -> Array:
-        """Return the unknowns on s for a residual on s, local parts. Collective."""
+        """Solve for the unknowns s of the surface. Collective.
+
+        Args:
+            residual: local part of the residual in the rows of s.
+
+        Returns:
+            Local part of the solution.
+        """
         assert self.block is not None
         with logged("ContactSurface"):
             return self.block.solve(residual)
