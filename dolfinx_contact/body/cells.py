@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells: volumes, determinants of the deformation gradient, and strains."""
+"""Cells: volumes, and determinants of the deformation gradient."""
 
 from __future__ import annotations
 
@@ -102,18 +102,22 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
     """Return centroid, volume and mean square distance to the centroid of each owned cell.
 
     Each cell is replaced by the simplex or parallelepiped spanned by the edges at its first vertex.
-    The shapes are (n, dim), (n,) and (n,) for n cells.
+    The shapes are (dim, n), (n,) and (n,) for n cells.
     """
     dim = domain.geometry.dim
     n = domain.topology.index_map(dim).size_local
     corners = len(basix.geometry(domain.basix_cell()))
-    simplex = _is_simplex(domain)
-    ends = np.arange(1, dim + 1) if simplex else 2 ** np.arange(dim)
-    x = domain.geometry.x[geometry_dofmap(domain)[:n, :corners], :dim]
-    middle = x.mean(axis=1)
-    volume = np.abs(determinants(x[:, ends] - x[:, :1]))
-    away = x - middle[:, None]
-    spread = np.einsum("nki,nki->n", away, away) / (corners * (dim + 2 if simplex else 3))
+    nodes = geometry_dofmap(domain)[:n, :corners]
+    columns = np.ascontiguousarray(domain.geometry.x[:, :dim].T)
+    ends = np.arange(1, dim + 1) if _is_simplex(domain) else 2 ** np.arange(dim)
+    share = corners * (dim + 2 if _is_simplex(domain) else 3)
+    middle, volume, spread = np.empty((dim, n)), np.empty(n), np.empty(n)
+    for part in chunks(n):
+        x = columns[:, np.ascontiguousarray(nodes[part].T)]
+        middle[:, part] = x.mean(axis=1)
+        volume[part] = np.abs(determinants((x[:, ends] - x[:, :1]).transpose(2, 0, 1)))
+        x -= middle[:, None, part]
+        spread[part] = np.einsum("ikn,ikn->n", x, x) / share
     return middle, volume, spread
 
 

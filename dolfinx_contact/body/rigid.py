@@ -9,6 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import scipy
 
 from dolfinx import fem, la
 
@@ -44,11 +45,15 @@ def parts(V: fem.FunctionSpace) -> Indices:
     owned = index_map.size_local
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
-    numbers = np.repeat(size + np.arange(len(cells)), cells.shape[1])
-    mine = connected_parts(size + len(cells), cells.reshape(-1), numbers)[:size]
+    number, nodes = cells.shape
+    # Graph of nodes, then cells; a cell is connected to its nodes.
+    starts = np.concatenate([np.zeros(size, dtype=np.int32), nodes * np.arange(number + 1)])
+    rows = np.ones(cells.size), cells.reshape(-1), starts.astype(np.int32)
+    graph = scipy.sparse.csr_array(rows, shape=(size + number, size + number))
+    count, mine = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    mine = mine[:size]
     if comm.size == 1:
-        return mine.astype(np.int32)
-    count = int(mine.max(initial=-1)) + 1
+        return np.asarray(mine, dtype=np.int32)
     counts = comm.allgather(count)
     mine = mine + sum(counts[: comm.rank])
     owners = la.vector(index_map, 1)
@@ -100,10 +105,10 @@ class Parts:
         n = domain.topology.index_map(domain.topology.dim).size_local
         middle, volume, spread = vertex_moments(domain)
         p = self.of_nodes[self.V.dofmap.list[:n, 0]]
-        sums = self.sums(np.column_stack([volume, volume[:, None] * middle]), p)
+        sums = self.sums(np.column_stack([volume, *(volume * middle)]), p)
         size = sums[:, 0]
-        away = middle - (sums[:, 1:] / size[:, None])[p]
-        about = volume * (spread + dot(away, away))
+        middle -= (sums[:, 1:].T / size)[:, p]
+        about = volume * (spread + np.einsum("in,in->n", middle, middle))
         return np.asarray(np.sqrt(12.0 * self.sums(about, p) / size))
 
     def sums(self, values: Array, part: Indices | None = None) -> Array:
