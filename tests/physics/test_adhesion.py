@@ -222,3 +222,37 @@ def test_field_of_bonds_holds_the_right_half():
     t = t.tables["contact"]
     np.testing.assert_allclose(t.beta, np.where(t.x[:, 0] > 0.4, 0.8, 0.0), atol=1e-14)
     np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("n", "times"),
+    [
+        (1, (0.0, 0.4, 1.0)),
+        pytest.param(1, (0.0, 1.0), marks=pytest.mark.long),
+        pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
+        pytest.param(2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "jumps",
+    "RCCM adhesion",
+    reference="closed form: a spring in series with the bond",
+    aspects=("2D",),
+)
+def test_bond_in_series_with_a_spring_breaks_at_once(n, times):
+    """A spring E = 50 in series with a bond: the bond loses all its strength when it yields.
+
+    Beyond the jump R = w^2/(C u^3), and u + R/E is the prescribed displacement. The jump is a third
+    of the longest steps.
+    """
+    young = 50.0
+    problem, top = bonded(law=RCCM(C, C, W, 0.2), young=young, n=n)
+    evolution = QuasiStatic(problem, along(top, (0.0, 0.5)))
+    history = evolution.run(times, shortest=2e-3, locate_jumps=True, at_jump="jump")
+    assert history.complete
+    (jump,) = [step for step in history.steps if step.jump]
+    assert 0.596 < jump.start <= 0.6 + 1e-9 < jump.time < 0.606
+    u = history.steps[-1].result.tables["contact"].un
+    np.testing.assert_allclose(u + W**2 / (C * u**3) / young, 0.5, rtol=1e-9)
+    force = history.steps[-1].result.resultants["contact"]
+    np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
