@@ -191,11 +191,11 @@ class History(Ends):
     first: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
-        """Describe the number of steps, the times, and why the run ended."""
+        """Describe the number of steps, the times, why the run ended, and its warnings."""
         return self._text("step", "time", [self.start, self.time])
 
     def _text(self, unit: str, coordinate: str, values: Sequence[float]) -> str:
-        """Describe the number of steps, the range of a coordinate, and why the run ended.
+        """Describe the number of steps, the range of a coordinate, the end, and warnings.
 
         Args:
             unit: noun for a step.
@@ -205,7 +205,12 @@ class History(Ends):
         number = len(self.steps)
         many = f"{number} {unit}{'' if number == 1 else 's'}"
         first, last = (as_text(v, max(map(abs, values))) for v in (values[0], values[-1]))
-        return f"{many} from {coordinate} {first} to {last}: {self.reason}"
+        text = f"{many} from {coordinate} {first} to {last}: {self.reason}"
+        if self.warnings:
+            text += "; warnings: " + ", ".join(
+                f"{name} ({unit} {numbers[0]})" for name, numbers in self.warnings.items()
+            )
+        return text
 
     @property
     def complete(self) -> bool:
@@ -221,6 +226,18 @@ class History(Ends):
     def energies(self) -> Energies:
         """Energies at the last accepted state."""
         return self.steps[-1].energies if self.steps else self.before
+
+    @property
+    def warnings(self) -> dict[str, list[int]]:
+        """Numbers of the steps with a warning, by name of the warning.
+
+        The text of a warning is in `Result.warnings` of each of these steps.
+        """
+        numbers: dict[str, list[int]] = {}
+        for step in self.steps:
+            for name in step.result.warnings:
+                numbers.setdefault(name, []).append(step.number)
+        return numbers
 
     def at(self, time: float) -> EvolutionStep:
         """Return the step ending at a time.

@@ -112,6 +112,8 @@ def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
     (snap,) = (s for s in history.steps if s.start < 3.0 < s.time)
     (warned,) = (s for s in history.steps if "jump" in s.result.warnings)
     assert warned is snap
+    assert history.warnings["jump"] == [snap.number]
+    assert f"jump (step {snap.number})" in str(history)
     text = snap.result.warnings["jump"]
     assert f"in step {snap.number} from the time" in text
     assert "locate_jumps=True" in text
