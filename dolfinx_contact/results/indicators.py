@@ -22,6 +22,7 @@ position, gap, normal and jump at contact points.
 | `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not held, over the local compression of `growth`; 0 if no point is closed | 0.05 |
 | `facets` | height of the smooth surface over the touched facets of a `RigidSurface` that are wider than those of the body, from the averaged normals; mean with the normal forces as weights, over the local compression | 0.02 |
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); for an obstacle that was moved, the present gaps must satisfy this condition as well; in large sliding of a pair, gaps end at the search distance | 0.05 |
+| `pressure` | linear body: mean pressure of the closed points over the modulus E of the surface | 0.1 |
 | `negative_bound` | user-defined laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
@@ -96,6 +97,7 @@ LIMITS = {
     "beside": 0.05,
     "facets": 0.02,
     "growth": 0.05,
+    "pressure": 0.1,
     "negative_bound": 1e-6,
     "penetration": 0.1,
     "min_det_F": 0.0,
@@ -139,6 +141,9 @@ _MESSAGES = {
     "growth": "points that came into contact under the load account for {:.0%} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
+    "pressure": "the mean contact pressure is {:.2g} times the modulus of a linear body, and linear "
+    "elasticity assumes small strains; use materials.NeoHookean, or the same units for moduli, "
+    "displacements and loads",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
@@ -211,6 +216,7 @@ class SurfaceIndicators:
             local compression.
         growth: fraction of the total friction bound at points that came into contact under the
             load; 0 in steps from a state.
+        pressure: mean pressure of the closed points of a linear body, relative to its modulus.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
             to the largest one.
         penetration: largest depth, a length; None if the law is not compliant.
@@ -231,6 +237,7 @@ class SurfaceIndicators:
     beside: float = 0.0
     facets: float = 0.0
     growth: float = 0.0
+    pressure: float = 0.0
     negative_bound: float = 0.0
     penetration: float | None = None
 
@@ -460,6 +467,7 @@ def _of_surface(
         spin=_spin(eq, s, contact),
         penetration=depth,
         growth=_growth(eq, s, contact),
+        pressure=_pressure(eq, s, contact) if eq.bulk.linear else 0.0,
         negative_bound=_negative_bound(eq, s, evaluation, contact),
     )
     if s.slides:
@@ -535,10 +543,10 @@ def _growth(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation
     return _ratio_of_sums(s.comm, bound[late].sum(), bound.sum())
 
 
-def _compression(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return p b/E with mean pressure p, extent b and modulus E of the closed points. Collective.
+def _pressure(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
+    """Return the mean pressure of closed points over the modulus of the surface. Collective.
 
-    E is the modulus at the stiffest vertex of the surface. Round-off of the body size is added.
+    The modulus is that at the stiffest vertex of the surface.
     """
     touching = closed(contact.statuses)
     areas = s.points.areas[touching]
@@ -546,12 +554,23 @@ def _compression(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvalu
     force, area = s.comm.allreduce(np.array([pressure @ areas, areas.sum()]))
     if area == 0.0:
         return 0.0
-    low, high = bounding_box(s.comm, s.positions[touching])
     geometry = s.points.geometry
-    extent = float(np.linalg.norm(high - low)) + geometry.facet_size
     width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
     modulus = maximum(s.comm, eq.scaling.at_vertices[eq.surfaces.index(s)] * width)
-    return float(force / area / modulus * extent) + _ROUND_OFF * eq.body_size
+    return float(force / area / modulus)
+
+
+def _compression(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
+    """Return p b/E with mean pressure p, extent b and modulus E of the closed points. Collective.
+
+    Round-off of the body size is added if points are closed.
+    """
+    touching = closed(contact.statuses)
+    if not any_rank(s.comm, touching.any()):
+        return 0.0
+    low, high = bounding_box(s.comm, s.positions[touching])
+    extent = float(np.linalg.norm(high - low)) + s.points.geometry.facet_size
+    return _pressure(eq, s, contact) * extent + _ROUND_OFF * eq.body_size
 
 
 def _touching(contact: SurfaceEvaluation, values: Array) -> Array:
