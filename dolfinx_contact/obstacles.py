@@ -151,13 +151,13 @@ class Start(NamedTuple):
         height: heights above the extended surface, for points that are past the rim and below it;
             gaps, for other points; shape (n,).
         normal: normals of the extended surface, into the obstacle, shape (n, dim).
-        held: mask of the points that are still on the obstacle, shape (n,).
+        on_obstacle: mask of the points that are still on the obstacle, shape (n,).
     """
 
     gap: Array
     height: Array
     normal: Array
-    held: Mask
+    on_obstacle: Mask
 
 
 class Obstacle:

@@ -306,7 +306,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         if self.kinks:
             return None
-        if not conic and not (self.is_linear and self._held_laws):
+        if not conic and not (self.is_linear and self._fixed_laws):
             return self._condensed_at(gamma)
         cones = can_condense(self)
         if not cones and (conic or why_not_reducible(self)):
@@ -374,7 +374,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if self.kinks:
             return self.kinks
         condensed, obstacle = self._condensed, why_not_reducible(self)
-        if self.equations.linear and not (self.is_linear and self._held_laws):
+        if self.equations.linear and not (self.is_linear and self._fixed_laws):
             # a proof concerns one value of gamma
             condensed, obstacle = self._condensed_at_gamma, self._reason_at_gamma
         if obstacle:

@@ -86,7 +86,7 @@ def unintended(
         bcs: Dirichlet conditions.
     """
     of_form = *_empty(form, V.mesh), *_hourglass(form, V), *_locking(form, V)
-    return dict([*_without_dofs(V, bcs), *_held(form, V, bcs), *of_form])
+    return dict([*_without_dofs(V, bcs), *_loads_on_fixed(form, V, bcs), *of_form])
 
 
 def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
@@ -133,7 +133,7 @@ def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
         yield "cells", f"{bare} cells have no integral over dx, and no stiffness{names}"
 
 
-def _held(
+def _loads_on_fixed(
     form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> Iterator[_Warning]:
     """Yield warnings about loads on facets with prescribed displacements. Collective.
@@ -142,9 +142,9 @@ def _held(
     prescribed.
     """
     index_map, size = V.dofmap.index_map, V.dofmap.index_map_bs
-    held = np.zeros((index_map.size_local + index_map.num_ghosts, size), dtype=bool)
+    fixed = np.zeros((index_map.size_local + index_map.num_ghosts, size), dtype=bool)
     for bc in bcs:
-        held.reshape(-1)[bc.dof_indices()[0]] = True
+        fixed.reshape(-1)[bc.dof_indices()[0]] = True
     dim = V.mesh.topology.dim - 1
     for integral in form.integrals_by_type("exterior_facet"):
         nodes = unique_pre_traversal(integral.integrand())
@@ -155,7 +155,7 @@ def _held(
             continue
         facets = np.concatenate([_entities(integral, number, V.mesh)[1] for number in ids])
         dofs = fem.locate_dofs_topological(V, dim, facets)
-        found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~held[dofs]).sum()]))
+        found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~fixed[dofs]).sum()]))
         if found and not free:
             name = f"integral over ds({', '.join(map(str, ids))})"
             text = "has no effect: Dirichlet conditions hold all displacements of its facets"

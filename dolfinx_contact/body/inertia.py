@@ -98,7 +98,7 @@ def inertia_error(
     n = V.dofmap.index_map.size_local
     parts = Parts(V, axisymmetric=axisymmetric)
     modes = parts.motions()
-    modes = combine(parts.held(modes, fixed), modes)
+    modes = combine(parts.gram_at_fixed(modes, fixed), modes)
     if not len(modes):
         return 0.0
     rows = modes[:, :n].reshape(len(modes), -1)

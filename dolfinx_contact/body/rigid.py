@@ -162,22 +162,22 @@ class Parts:
         """
         modes = self.motions()
         owned = self._owned(modes)
-        by_data = self.held(modes, fixed)
+        by_data = self.gram_at_fixed(modes, fixed)
         if not len(loose(by_data)):
             return modes[:0]
         scale = K.norm(PETSc.NormType.NORM_INFINITY)
         resisting = np.array([product(K, mode) for mode in owned]) / scale
         return combine(by_data + total(self.comm, resisting @ resisting.T), modes)
 
-    def held(self, motions: Array, fixed: Mask) -> Array:
+    def gram_at_fixed(self, motions: Array, fixed: Mask) -> Array:
         """Return the Gram matrix of motions, restricted to components with Dirichlet conditions.
 
         Args:
             motions: motions at the local nodes, shape (motions, nodes, dim).
             fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
         """
-        held = self._owned(np.where(fixed, motions, 0.0))
-        return total(self.comm, held @ held.T)
+        restricted = self._owned(np.where(fixed, motions, 0.0))
+        return total(self.comm, restricted @ restricted.T)
 
     def describe(self, free: Array) -> str:
         """Name the rigid motions (translations, rotations) that occur in ``free``."""

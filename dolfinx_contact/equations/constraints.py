@@ -65,9 +65,9 @@ class SurfaceConstraints:
     """Components of the jump and of the multipliers of one surface that Dirichlet data fix.
 
     Attributes:
-        held: mask of the fixed components of the jump, shape (local nodes, dim). A component is
-            fixed if neither the node nor its opposing point can move along it, or if both are one
-            node.
+        fixed_nodes: mask of the fixed components of the jump at nodes, shape (local nodes, dim). A
+            component is fixed if neither the node nor its opposing point can move along it, or if
+            both are one node.
         fixed_jumps: mask of the components of the weighted jump that Dirichlet data fix, shape
             (local multiplier nodes, dim). The weighted jump is the jump that works on a multiplier;
             with quadratic displacement and linear multipliers it is a mean over the facets of a
@@ -77,7 +77,7 @@ class SurfaceConstraints:
         normals: normals at the local vertices from which the removed components were determined.
     """
 
-    held: Mask
+    fixed_nodes: Mask
     fixed_jumps: Mask
     removed: Mask
     owned: int
@@ -229,11 +229,11 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
         crossing: mask of the local vertices at which pairs cross.
     """
-    held = _held(s, fixed)
-    jumps = held[s.points.trace_dofs]
+    at_nodes = _fixed_at_nodes(s, fixed)
+    jumps = at_nodes[s.points.trace_dofs]
     displacement_degree, multiplier_degree = s.degrees
     if displacement_degree != multiplier_degree:
-        jumps = jumps & _fixed_on_support(s, held)
+        jumps = jumps & _fixed_on_support(s, at_nodes)
     removed = _removed(s, jumps)
     if multiplier_degree == 1:  # other degrees have no crossings
         removed[crossing] = True
@@ -242,11 +242,11 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
     left = count_of(s.comm, ~removed[:owned].all(axis=1))
     require(s.comm, left > 0, _why_none_is_left(s))
     if displacement_degree > multiplier_degree:
-        _require_free_nodes(s, held, left)
-    return SurfaceConstraints(held, jumps, removed, owned, s.points.vertex_normals.copy())
+        _require_free_nodes(s, at_nodes, left)
+    return SurfaceConstraints(at_nodes, jumps, removed, owned, s.points.vertex_normals.copy())
 
 
-def _held(s: DiscreteSurface, fixed: Mask) -> Mask:
+def _fixed_at_nodes(s: DiscreteSurface, fixed: Mask) -> Mask:
     """Return the mask of the fixed components of the jump (`SurfaceConstraints`). Collective."""
     opposite = s.obstacle.opposite
     if s.rigid_body is not None:
@@ -272,8 +272,8 @@ def _objection_to_values(
         size: size of the body, a length.
     """
     trace = s.points.vertex_trace_dofs
-    fixed = constraints.held[trace]
-    # gaps of the held nodes
+    fixed = constraints.fixed_nodes[trace]
+    # gaps of the fixed nodes
     moved = prescribed - s.opposite(prescribed)
     if s.rigid_body is not None:
         motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
@@ -288,7 +288,7 @@ def _objection_to_values(
         closing &= ~opposite.none[trace]
         front = opposite.none[trace] & opposite.matching
     least = [np.min(gap[nodes], initial=np.inf) for nodes in (front, closing)]
-    at_front, at_held = -largest(s.comm, -np.array(least))
+    at_front, at_fixed = -largest(s.comm, -np.array(least))
     # normals, which decided on the removed multipliers
     change = np.abs(s.points.vertex_normals - constraints.normals).max(axis=1, initial=0.0)
     if s.displaced is None and (fixed.any(axis=1) & (change > _TOLERANCE)).any():
@@ -302,8 +302,8 @@ def _objection_to_values(
             "node in common and no gap; make the interference vanish there, for example as a UFL "
             "expression of the position"
         )
-    if not at_held > -_SAME * size:
-        return f"Dirichlet data push a contact node {-at_held:.3g} into the obstacle"
+    if not at_fixed > -_SAME * size:
+        return f"Dirichlet data push a contact node {-at_fixed:.3g} into the obstacle"
     return ""
 
 
@@ -318,7 +318,7 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
     )
 
 
-def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> None:
+def _require_free_nodes(s: DiscreteSurface, fixed: Mask, multipliers: int) -> None:
     """Raise ``ValueError`` if more nodes have multipliers than can move. Collective.
 
     A face that is one facet wide between clamped edges has more vertices than free nodes, so that
@@ -327,7 +327,7 @@ def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> Non
     V = s.u.function_space
     on_face = SharedValues(V.dofmap.index_map).marked(facet_closures(V, s.submesh.parent_facets))
     n = V.dofmap.index_map.size_local
-    free = count_of(s.comm, on_face[:n] & ~held[:n].all(axis=1))
+    free = count_of(s.comm, on_face[:n] & ~fixed[:n].all(axis=1))
     require(
         s.comm,
         multipliers <= free,
@@ -347,7 +347,7 @@ def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
         Mask, shape (local multiplier nodes, dim).
     """
     if s.displaced is not None and not s.displaced.friction:
-        # The normal turns: a partly held node may carry a force in any direction.
+        # The normal turns: a partly fixed node may carry a force in any direction.
         return np.repeat(np.all(fixed, axis=1)[:, None], s.dim, axis=1)
     normal = _node_normals(s)
     along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)

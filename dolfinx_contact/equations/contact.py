@@ -157,9 +157,9 @@ class ContactEquations:
         u = self.unknowns.displacement(x)
         q = self.unknowns.motions(x)
         multipliers = self.unknowns.fields(x)[1:]
-        held = [None] * len(self.terms) if statuses is None else statuses
+        codes = [None] * len(self.terms) if statuses is None else statuses
         with logged("ContactStatus"):
-            parts = zip(self.terms, multipliers, held, strict=True)
+            parts = zip(self.terms, multipliers, codes, strict=True)
             surfaces = [term.evaluate(u, q, owned, codes) for term, owned, codes in parts]
         return Evaluation(x.array_r.copy(), u, q, surfaces)
 
@@ -297,7 +297,10 @@ class ContactEquations:
 
     @cached_property
     def bare_nodes(self) -> Ints:
-        """Owned boundary nodes on no contact surface that are not held, shape (n,). Collective."""
+        """Owned boundary nodes off all contact surfaces that are not clamped, shape (n,).
+
+        Collective.
+        """
         V = self.V
         bare = nodes_on(V, mesh.exterior_facet_indices(V.mesh.topology))
         for s in self.surfaces:

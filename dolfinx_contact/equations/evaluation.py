@@ -24,7 +24,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.equations.unknowns import RigidBodies
-from dolfinx_contact.laws import Answers, HeldAnswers, PointData
+from dolfinx_contact.laws import Answers, FrozenBonds, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
@@ -321,7 +321,7 @@ class SurfaceTerm:
             assert s.law.weakening is not None
             fields = {**at.data.fields, s.law.weakening.name: self.strength}
             data = replace(at.data, fields=fields)
-            answers = HeldAnswers(s.law_at_points(at.jump, traction, data))
+            answers = FrozenBonds(s.law_at_points(at.jump, traction, data))
         codes = answers.required if statuses is None else statuses
         absent = at.operator.absent
         if absent is not None:

@@ -279,10 +279,10 @@ class ContactTerms:
         #: Numbering of the unknowns, also used for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
         removed = np.concatenate([c.removed_multipliers for c in eq.constraints.surfaces])
-        held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
+        absent = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         mine = eq.rigid.here(numbering.rigid)
         # Diagonal of removed and prescribed unknowns, to be multiplied by a typical stiffness.
-        self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
+        self._diagonal = np.concatenate([np.ones(len(absent)), eq.rigid.here(eq.rigid.fixed)])
         self._blocks: list[tuple[int, _PointTerms | _RigidTerms | _SpreadTerms]] = []
         self._sliding: list[tuple[int, SlidingTerms]] = []
         for i, term in enumerate(eq.terms):
@@ -305,7 +305,7 @@ class ContactTerms:
             if isinstance(law, LawAmongPoints):
                 n = sum(eq.owned_sizes)
                 self._blocks.append((i, _SpreadTerms(dofs, law, eq.comm, n)))
-        places = [(held, held), (mine, mine), *(block.entries() for _, block in self._blocks)]
+        places = [(absent, absent), (mine, mine), *(block.entries() for _, block in self._blocks)]
         rows, columns = zip(*places, strict=True)
         self._entries = Entries(np.concatenate(rows), np.concatenate(columns))
 
@@ -327,8 +327,8 @@ class ContactTerms:
     def add(self, evaluation: Evaluation, A: PETSc.Mat) -> None:
         """Add S at an evaluation to ``A``. Collective."""
         parts = [block.values(evaluation.surfaces[i]) for i, block in self._blocks]
-        held = self._equations.scaling.stiffness * self._held
-        self._entries.add(np.concatenate([held, *parts]), A)
+        diagonal = self._equations.scaling.stiffness * self._diagonal
+        self._entries.add(np.concatenate([diagonal, *parts]), A)
         for i, terms in self._sliding:
             terms.add(evaluation.surfaces[i], A)
 

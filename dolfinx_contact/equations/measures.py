@@ -4,13 +4,13 @@
 Residuals that are forces are divided by the largest nodal force (reactions, contact forces, first
 residual), gaps and slips by the largest displacement. If all contact points stick, displacements
 may be round-off; the length scale is then the displacement that a contact force would cause at its
-node if all other nodes were held (`held_back`). Thus the test is independent of the user's units,
-and a small contact row cannot hide behind a large force row.
+node if all other nodes were fixed (`local_displacement`). The test is independent of the user's
+units, and a small contact row cannot hide behind a large force row.
 
 A maximum is NaN if one of its values is NaN.
 
 Unphysical states that nevertheless satisfy the equations are detected by `diverged`, `inverted`,
-`held_across` and `without_normal`.
+`fixed_along_normal` and `without_normal`.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ __all__ = [
     "Measures",
     "Scales",
     "diverged",
-    "held_across",
-    "held_back",
+    "fixed_along_normal",
     "inverted",
     "least_scales",
+    "local_displacement",
     "measure",
     "require_solution",
     "round_off_force",
@@ -51,7 +51,7 @@ _SOLVED = 1e-6  # residual up to which a state counts as a solution
 _AT_REST = 1e-3  # the same for a body without displacements and forces: 1e-15 of its stiffness
 _NOTHING = 1e-12  # displacement that counts as zero, relative to the size of the body
 _FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
-_ACROSS = 1e-6  # component of a unit normal along a held direction
+_ACROSS = 1e-6  # component of a unit normal along a fixed direction
 #: Largest admissible slope of a gap along the normal at a touching point: -1 where a level set has
 #: a gradient, -1/m where it vanishes like the m-th power of the distance.
 _STEEPEST = -0.75
@@ -144,14 +144,14 @@ def measure(
     assert evaluation.reactions is not None
     stiffness = eq.scaling.stiffness
     body, *laws, rigid = evaluation.rows
-    held, held_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
+    fixed, fixed_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
     parts = zip(eq.surfaces, evaluation.surfaces, laws, eq.scaling.at_vertices, strict=True)
     constraint, cone, nodal, moved = np.max([_of_surface(*part) for part in parts], axis=0)
     # equilibrium and Dirichlet data
     force, dirichlet, reaction, length = _largest(
-        (body[~held], rigid[~held_rigid]),
-        (body[held], rigid[held_rigid]),
-        (evaluation.reactions[held],),
+        (body[~fixed], rigid[~fixed_rigid]),
+        (body[fixed], rigid[fixed_rigid]),
+        (evaluation.reactions[fixed],),
         (evaluation.u, evaluation.q),
     )
     dirichlet /= stiffness
@@ -200,10 +200,10 @@ def require_solution(problem: Any, hint: str = "") -> None:
         )
 
 
-def held_back(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness: Array) -> float:
+def local_displacement(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness: Array) -> float:
     """Return the largest displacement that contact forces would cause, each at its own node.
 
-    All other nodes are held. Only nodes of this rank are considered.
+    All other nodes are fixed. Only nodes of this rank are considered.
 
     Args:
         s: contact surface.
@@ -234,9 +234,8 @@ def _of_surface(
         displacement that a nodal contact force would cause or that removes an initial penetration.
     """
     points = s.points
-    moved = float(
-        np.max([held_back(s, contact, stiffness), np.max(-points.vertex_gaps, initial=0.0)])
-    )
+    overlap = np.max(-points.vertex_gaps, initial=0.0)
+    moved = float(np.max([local_displacement(s, contact, stiffness), overlap]))
     if points.E is not None:
         area = points.geometry.vertex_areas
         unit, size, traction, width = _largest(
@@ -301,10 +300,10 @@ def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
     return f"its solution has det F = {smallest:.3g} at ({where})"
 
 
-def held_across(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return a message about a touching point held along its normal; "" if none is. Collective.
+def fixed_along_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
+    """Return a message about a touching point fixed along its normal; "" if none is. Collective.
 
-    With friction on a curved obstacle, a node held in one direction has no multiplier component in
+    With friction on a curved obstacle, a node fixed in one direction has no multiplier component in
     that direction, and the direction must remain tangential to the obstacle.
     """
     parts = zip(eq.constraints.surfaces, eq.surfaces, evaluation.surfaces, strict=True)
@@ -312,7 +311,7 @@ def held_across(eq: ContactEquations, evaluation: Evaluation) -> str:
         if s.displaced is None or not s.displaced.friction:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
-        fixed = constraints.held[s.points.vertex_trace_dofs]
+        fixed = constraints.fixed_nodes[s.points.vertex_trace_dofs]
         partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
         if not any_rank(eq.comm, partly):
             continue

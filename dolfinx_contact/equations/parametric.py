@@ -236,7 +236,7 @@ class ParametricEquations(System):
         return self.equations.dim == 3 and points > _MANY_POINTS
 
     @property
-    def _held_laws(self) -> bool:
+    def _fixed_laws(self) -> bool:
         """Whether obstacles and laws are independent of gamma."""
         return not any(rates.applies for rates in self._rates)
 

@@ -2,7 +2,7 @@
 """Quantities derived from the stiffness of a body: typical size, augmentation, loose motions.
 
 Loose motions are rigid motions of bodies without supports, and of rigid bodies, that contact must
-hold.
+restrain.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Scaling:
         automatic_r: automatic r at the local vertices of each surface.
         at_vertices: stiffness per area of the nodes at the local vertices of each surface.
         parts: connected parts of the body.
-        loose: rigid motions of deformable bodies held neither by stiffness nor by Dirichlet data,
-            at the local nodes, shape (motions, nodes, dim).
+        loose: rigid motions of deformable bodies restrained neither by stiffness nor by Dirichlet
+            data, at the local nodes, shape (motions, nodes, dim).
 
     Raises:
         ValueError: on every rank, if the stiffness is zero or not finite.
@@ -134,7 +134,7 @@ class Scaling:
     def _measure(self, K: PETSc.Mat, soft: Array) -> None:
         """Compute the typical stiffness, and r and stiffness at the vertices.
 
-        The stiffness of a vertex is the stiffness of its node, with all other nodes held, divided
+        The stiffness of a vertex is the stiffness of its node, with all other nodes fixed, divided
         by the area: a traction divided by this stiffness is the displacement that the traction
         would cause.
 
@@ -197,7 +197,7 @@ class Scaling:
             jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
-    def not_held(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
+    def unrestrained_motions(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
         """Return the names of rigid motions that contact with these statuses does not prevent.
 
         "" if there are none. In 3D a slipping point resists motions perpendicular to its shear,

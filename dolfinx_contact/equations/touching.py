@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Start of a solve without contact: guessed statuses, and rigid bodies moved into contact.
 
-A Newton step from a state without contact would use the laws of open points, so that a body held
-only by contact would float.
+A Newton step from a state without contact would use the laws of open points, so that a body
+restrained only by contact would float.
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
     gaps = [term.gaps(evaluation) for term in eq.terms]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, evaluation)]
     statuses = _within(eq, gaps, reaches)
-    if not eq.scaling.not_held(statuses):
+    if not eq.scaling.unrestrained_motions(statuses):
         return statuses
     nearest = _nearest(eq, gaps, evaluation)
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         statuses = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
-        if not eq.scaling.not_held(statuses):
+        if not eq.scaling.unrestrained_motions(statuses):
             break
     return statuses
 

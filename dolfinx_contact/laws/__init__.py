@@ -38,7 +38,7 @@ from dolfinx_contact._install import loads
 
 if TYPE_CHECKING:
     from dolfinx_contact.laws.adhesion import RCCM
-    from dolfinx_contact.laws.answers import Answers, HeldAnswers, LawAtPoints, PointData
+    from dolfinx_contact.laws.answers import Answers, FrozenBonds, LawAtPoints, PointData
     from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
     from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
     from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
@@ -69,7 +69,7 @@ __all__ = [
     "Coulomb",
     "FrictionLaw",
     "Frictionless",
-    "HeldAnswers",
+    "FrozenBonds",
     "Interface",
     "InterfaceState",
     "Internal",
@@ -91,7 +91,7 @@ __getattr__ = loads(
     __name__,
     {
         "adhesion": ("RCCM",),
-        "answers": ("Answers", "HeldAnswers", "LawAtPoints", "PointData"),
+        "answers": ("Answers", "FrozenBonds", "LawAtPoints", "PointData"),
         "cohesive": ("BilinearCohesive", "MaxwellLayer"),
         "compliant": ("NormalCompliance", "Regularised"),
         "friction": ("Coulomb", "FrictionLaw", "Frictionless", "Tresca"),

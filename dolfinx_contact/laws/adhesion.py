@@ -154,11 +154,11 @@ class RCCM(Law):
         resisted = ufl.conditional(viscous, self.viscosity * pace * lost, 0.0)
         after = {"beta": beta}
         if self.order == 2:
-            held = ufl.lt(beta * energy, self.work)
+            holds = ufl.lt(beta * energy, self.work)
             after |= {
                 ".rate": ufl.conditional(moves, lost / time, 0.0),
                 ".length": ufl.conditional(moves, a.step, 0.0),
-                ".rest": ufl.conditional(held, beta, self.work / _least_energy(energy, self.work)),
+                ".rest": ufl.conditional(holds, beta, self.work / _least_energy(energy, self.work)),
             }
         spent = self.work * lost + resisted
         if self.recovers:
@@ -196,7 +196,7 @@ class RCCM(Law):
                         continue
                     borders = [Border(d, k + damage, where) for d, k, where in piece.borders]
                     if damage:
-                        borders += self._held(code, -slack, step.cap)
+                        borders += self._to_unchanged_bond(code, -slack, step.cap)
                     else:
                         borders.append(Border(slack, code + DAMAGING))
                     answer = piece.answer + adhesion
@@ -219,7 +219,7 @@ class RCCM(Law):
         """Return the friction law of a bond of intensity ``beta``."""
         return Coulomb(self.friction * (1.0 - beta))
 
-    def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
+    def _to_unchanged_bond(self, code: int, distance: Any, cap: Any) -> list[Border]:
         """Return the borders to the statuses in which the bond does not change.
 
         Without friction, closed points slip.

@@ -17,7 +17,7 @@ from dolfinx_contact.laws.compiled import CompiledLaw, compiled_law
 from dolfinx_contact.laws.law import Law
 from dolfinx_contact.laws.status import DAMAGING
 
-__all__ = ["Answers", "Borders", "HeldAnswers", "LawAtPoints", "PointData", "Spreading"]
+__all__ = ["Answers", "Borders", "FrozenBonds", "LawAtPoints", "PointData", "Spreading"]
 
 _ABSENT = -np.finfo(np.float64).max  # distance for a status that does not exist
 
@@ -242,7 +242,7 @@ class Answers:
         return self._values[:, places[0][0]] if places else np.full(len(self._values), np.nan)
 
 
-class HeldAnswers(Answers):
+class FrozenBonds(Answers):
     """Answers of a law whose bonds are frozen, so that no bond is being damaged.
 
     Args:
@@ -378,7 +378,7 @@ class LawAtPoints:
             every = np.stack([values[:, k] for k in places], axis=1)
             return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
 
-        held = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
-        found = chosen(by_normal, d, d) @ normal + held @ moved
+        by_jump = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
+        found = chosen(by_normal, d, d) @ normal + by_jump @ moved
         names = zip(self.compiled.names, by_field, strict=True)
         return found, {name: chosen(places, d) for name, places in names}

@@ -93,11 +93,11 @@ class _Root:
         if not self._sense:
             z = self._solved(full, start, start)
         else:
-            z = self._held(full, start, start[:, 0])
+            z = self._with_first_prescribed(full, start, start[:, 0])
             moves = self._force(full, z) < 0
             if self._ends:
                 some = full[moves]
-                last = self._held(some, start[moves], end[moves])
+                last = self._with_first_prescribed(some, start[moves], end[moves])
                 z[moves] = last
                 moves[moves] = self._force(some, last) > 0
             z[moves] = self._between(full[moves], z[moves], start[moves], end[moves])
@@ -118,13 +118,13 @@ class _Root:
         """Return the first residual at z; it is negative if a monotone first unknown changes."""
         return self._sense * self._at(full, z)[0][:, 0]
 
-    def _held(self, full: Array, start: Array, value: Array) -> Array:
+    def _with_first_prescribed(self, full: Array, start: Array, value: Array) -> Array:
         """Solve for the remaining unknowns with the first unknown prescribed."""
         z = start.copy()
         z[:, 0] = value
         if self._n == 1:
             return z
-        return self._solved(full, z, start, held=True)
+        return self._solved(full, z, start, first_prescribed=True)
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
         """Return the solution with the first unknown restricted to [start, end]."""
@@ -156,17 +156,17 @@ class _Root:
         if not self._ends:
             high = first.copy()
             for _ in range(_MOST_GROWN):
-                short = self._force(full, self._held(full, start, high)) < 0
+                short = self._force(full, self._with_first_prescribed(full, start, high)) < 0
                 if not short.any():
                     break
                 low[short] = high[short]
                 high[short] += 2.0 * (high[short] - start[short, 0])
         for _ in range(_MOST_HALVED):
             middle = low + (high - low) / 2
-            short = self._force(full, self._held(full, start, middle)) < 0
+            short = self._force(full, self._with_first_prescribed(full, start, middle)) < 0
             low = np.where(short, middle, low)
             high = np.where(short, high, middle)
-        return self._held(full, start, high)
+        return self._with_first_prescribed(full, start, high)
 
     def _solved(
         self,
@@ -174,7 +174,7 @@ class _Root:
         z: Array,
         start: Array,
         *,
-        held: bool = False,
+        first_prescribed: bool = False,
         end: Array | None = None,
     ) -> Array:
         """Solve by a damped Newton method; return NaN where it fails.
@@ -186,7 +186,7 @@ class _Root:
         z = z.copy()
         n = self._n
         active = np.arange(len(full))
-        F, J = self._system_at(full, z, held)
+        F, J = self._system_at(full, z, first_prescribed)
         for _ in range(_MOST_STEPS):
             inverse = _inverse(J)
             step = -np.einsum("pij,pj->pi", inverse, F)
@@ -210,7 +210,7 @@ class _Root:
             left: Ints = np.arange(len(active))
             for _ in range(_MOST_CUTS):
                 trial = z[active[left]] + cut[left, None] * step[left]
-                F[left], J[left] = self._system_at(full[active[left]], trial, held)
+                F[left], J[left] = self._system_at(full[active[left]], trial, first_prescribed)
                 next_ = np.abs(np.einsum("pij,pj->pi", inverse[left], F[left])) / scale[left]
                 good = np.max(next_, axis=1) <= (1.0 - cut[left] / 2) * measure[left]
                 left = left[~good]
@@ -222,10 +222,10 @@ class _Root:
         z[active] = np.nan
         return z
 
-    def _system_at(self, full: Array, z: Array, held: bool) -> tuple[Array, Array]:
+    def _system_at(self, full: Array, z: Array, first_prescribed: bool) -> tuple[Array, Array]:
         """Return F and its Jacobian matrix, with the first equation replaced where it is fixed."""
         F, J = self._at(full, z)
-        if held:
+        if first_prescribed:
             F[:, 0] = 0.0
             J[:, 0, :] = 0.0
             J[:, :, 0] = 0.0

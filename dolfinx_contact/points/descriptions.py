@@ -209,7 +209,7 @@ def _check_surface(a: Arguments) -> None:
     degree = _check_common(a)
     instance(a.obstacle, f"{a.name}: the obstacle", Obstacle, "such as a HalfSpace or a RigidBody")
     _check_elements(a, degree)
-    if a.axisymmetric and isinstance(a.obstacle, RigidBody) and not a.obstacle.held_across_axis:
+    if a.axisymmetric and isinstance(a.obstacle, RigidBody) and not a.obstacle.fixed_across_axis:
         raise ValueError(
             f"{a.name}: {a.obstacle.name} moves only along the axis of revolution; hold x and rz"
         )

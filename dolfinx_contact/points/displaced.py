@@ -243,7 +243,7 @@ class DisplacedPoints:
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
-        removed &= start.held | facing
+        removed &= start.on_obstacle | facing
         gap = np.where(removed, start.height, start.gap)
         return gap if taken is None else gap + taken.x.array[: len(x)]
 

@@ -228,8 +228,8 @@ def rows_of(A: PETSc.Mat) -> NodeWeights:
     width = int(counts.max(initial=1))
     place = indptr[:-1, None] + np.clip(counts[:, None] - 1, 0, np.arange(width))
     nodes = np.append(columns, 0)[place].astype(np.int64)
-    held = np.arange(width) < counts[:, None]
-    return NodeWeights(nodes, np.where(held, np.append(values, 0.0)[place], 0.0))
+    present = np.arange(width) < counts[:, None]
+    return NodeWeights(nodes, np.where(present, np.append(values, 0.0)[place], 0.0))
 
 
 def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> NodeWeights:

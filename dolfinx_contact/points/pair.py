@@ -10,7 +10,7 @@ from dolfinx_contact._mpi import SharedValues, keep, minimum, require
 from dolfinx_contact.points.descriptions import ContactPair
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.revolution import check_section
-from dolfinx_contact.points.shared_functions import held_in_place, in_place, resting
+from dolfinx_contact.points.shared_functions import clamped_ends, in_place, resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import exterior_facets, owned_facets
 
@@ -76,7 +76,7 @@ class DiscretePair(DiscreteSurface):
         matching = self._apart.matching
         given = crossing
         if self.method != "integral" and self.degrees.displacement == 1 and not matching:
-            given = crossing | held_in_place(V, self._apart, fixed)[trace]
+            given = crossing | clamped_ends(V, self._apart, fixed)[trace]
         idle = np.all(resting(V, self._apart, fixed)[trace], axis=1)
         given = self.points.give(given, idle & ~given)
         owned = self.points.vertices.dofmap.index_map.size_local

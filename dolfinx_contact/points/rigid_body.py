@@ -276,11 +276,11 @@ class RigidBody(ReadOnly, Obstacle):
     def turns(self) -> bool:
         """Whether the body may rotate."""
         given = self.expressions[self.dim :]
-        held = all(isinstance(e, ufl.constantvalue.Zero) for e in given)
-        return not (held and self.fixed[self.dim :].all())
+        still = all(isinstance(e, ufl.constantvalue.Zero) for e in given)
+        return not (still and self.fixed[self.dim :].all())
 
     @property
-    def held_across_axis(self) -> bool:
+    def fixed_across_axis(self) -> bool:
         """Whether the body moves only along the axis of revolution x = 0."""
         zero = [isinstance(e, ufl.constantvalue.Zero) for e in self.expressions]
         return bool(self.fixed[0] and zero[0] and self.fixed[2] and zero[2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nodes without a multiplier of their own: crossings of pairs, and held ends of mortars.
+r"""Nodes without a multiplier of their own: crossings of pairs, and clamped ends of mortars.
 
 *Crossings.* Where cracks cross, k nodes have the same position, and the pairs have one jump between
 them for each arm. The jumps of a closed loop sum to zero,
@@ -11,12 +11,12 @@ matrix is singular. As at the crosspoints of mortar methods, none of these nodes
 (Wohlmuth, SIAM J. Numer. Anal. 38, 2000, section 2). A node of several pairs whose jumps form no
 loop, for example of a body on which two others stand, keeps all of its multipliers.
 
-*Held ends.* If a mortar node p and the master at its position are both held, for example where an
-interface ends at a support, the jump is not an unknown. The dual function psi_p covers the adjacent
-slave facets and may overlap free master nodes. A multiplier at p would constrain only these nodes,
-and its size would be proportional to the inverse of int psi_p N_k, which may be small. Therefore it
-is removed. A held node opposite to a free master keeps its multiplier, because it still transmits
-forces.
+*Clamped ends.* If a mortar node p and the master at its position are both clamped, for example
+where an interface ends at a support, the jump is not an unknown. The dual function psi_p covers the
+adjacent slave facets and may overlap free master nodes. A multiplier at p would constrain only
+these nodes, and its size would be proportional to the inverse of int psi_p N_k, which may be small.
+Therefore it is removed. A clamped node opposite to a free master keeps its multiplier, because it
+still transmits forces.
 
 The functions of the removed multipliers are added to the functions of adjacent nodes,
 
@@ -53,7 +53,7 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.surface_geometry import SurfaceFacets
 from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
-__all__ = ["crossings", "held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
+__all__ = ["clamped_ends", "crossings", "in_place", "receiving_vertices", "resting", "shared"]
 
 _MOVES = 1e-6  # weight that is not round-off
 
@@ -133,7 +133,7 @@ def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
     return left[first : first + len(parts[rank])]
 
 
-# -- held nodes ------------------------------------------------------------------------------------
+# -- fixed nodes -----------------------------------------------------------------------------------
 
 
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
@@ -151,7 +151,7 @@ def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     return (fixed & ~moves) | opposite.none[:, None]
 
 
-def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
+def clamped_ends(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of nodes with a fixed jump whose function overlaps free nodes. Collective.
 
     Args:
@@ -161,10 +161,10 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
     """
     assert opposite.common is not None
     places = opposite.common.places
-    held: Mask = np.asarray(fixed.all(axis=1))
-    free = (~held[: V.dofmap.index_map.size_local]).astype(float)
+    clamped: Mask = np.asarray(fixed.all(axis=1))
+    free = (~clamped[: V.dofmap.index_map.size_local]).astype(float)
     here, around = (of.values(V.mesh.comm, free, sizes=True) for of in (places, opposite))
-    fixed_here = opposite.sides.slave & held & ~places.none & (here <= _MOVES)
+    fixed_here = opposite.sides.slave & clamped & ~places.none & (here <= _MOVES)
     return fixed_here & (around > _MOVES)
 
 

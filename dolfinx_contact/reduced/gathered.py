@@ -63,7 +63,7 @@ class GatheredPoints:
         }
         self._which = table["surface"]
         self._r = table["r"]
-        self._held = table["held"]
+        self._guided = table["guided"]
         self.normals = table["normal"]
         self.areas = table["area"]
         self.gap = table["gap"]
@@ -73,9 +73,9 @@ class GatheredPoints:
             [unit_tangents(self.normals), -self.normals[:, :, None]], axis=2
         )
         self.augmentation = self._r * self.areas
-        self.friction = np.where(self._held, 0.0, table["unit bound"])
-        self.bound = np.where(self._held, 0.0, table["bound"])
-        self.guided = bool(self._held.any())
+        self.friction = np.where(self._guided, 0.0, table["unit bound"])
+        self.bound = np.where(self._guided, 0.0, table["bound"])
+        self.guided = bool(self._guided.any())
 
     @staticmethod
     def _table(eq: ContactEquations, number: int) -> dict[str, npt.NDArray[Any]]:
@@ -92,7 +92,7 @@ class GatheredPoints:
             "area": s.points.areas,
             "r": s.points.data.r,
             "gap": s.points.data.gap,
-            "held": np.asarray(eq.constraints.surfaces[number].fixed_jumps[:n].any(axis=1)),
+            "guided": np.asarray(eq.constraints.surfaces[number].fixed_jumps[:n].any(axis=1)),
             "unit bound": np.zeros(n) if given else answers.unit_bound,
             "bound": answers.bound * s.points.areas if given else np.zeros(n),
             "reach": np.full(n, np.inf if flat else s.points.geometry.facet_size / 2),
@@ -123,8 +123,8 @@ class GatheredPoints:
                 fields[name] = self.gathered(np.concatenate(every))
             here = self._which == number
             for law, places in (
-                (s.law, np.flatnonzero(here & ~self._held)),
-                (Frictionless(), np.flatnonzero(here & self._held)),
+                (s.law, np.flatnonzero(here & ~self._guided)),
+                (Frictionless(), np.flatnonzero(here & self._guided)),
             ):
                 if len(places):
                     given = {name: fields[name][places] for name in law.given}

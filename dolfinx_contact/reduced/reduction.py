@@ -449,8 +449,8 @@ class Reduction:
         b.destroy()
         T = self.points.frames
         _, forces, _ = self._solve(load, np.zeros((self._m, self._dim)))
-        held = np.einsum("iap,ia->ip", T, forces) / self.force_unit
-        a = -np.linalg.solve(self.S, held.reshape(-1)).reshape(held.shape)
+        reactions = np.einsum("iap,ia->ip", T, forces) / self.force_unit
+        a = -np.linalg.solve(self.S, reactions.reshape(-1)).reshape(reactions.shape)
         du, _, _ = self._solve(load, np.einsum("iap,ip->ia", T, a))
         self._move(x, du)
 

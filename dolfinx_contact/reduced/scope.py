@@ -56,13 +56,15 @@ def can_condense(
     eq = system.equations
     if eq.dim != 2 or _obstacle_at_points(system):
         return False
-    held = _partly_held(system)
+    partly_fixed = _partly_fixed(system)
     other_laws = [
         not (bounded and s.law.bound_kind == "given")
         and not is_polyhedral(s.law_at_points, s.point_data(memory))
         for s, memory in zip(eq.surfaces, eq.memory, strict=True)
     ]
-    return not any_rank(eq.comm, other_laws) and not (held.oblique if partly else held.some)
+    return not any_rank(eq.comm, other_laws) and not (
+        partly_fixed.oblique if partly else partly_fixed.some
+    )
 
 
 def why_not_reducible(system: ParametricEquations) -> str:
@@ -80,10 +82,10 @@ def why_not_reducible(system: ParametricEquations) -> str:
         fits = can_condense(system, bounded=True)
         words = "a law is not polyhedral, or Dirichlet data hold contact nodes in part"
         return "" if fits else words
-    held = _partly_held(system)
-    if held.oblique:
+    partly_fixed = _partly_fixed(system)
+    if partly_fixed.oblique:
         return "Dirichlet data hold a component of contact nodes that is not a tangential one"
-    if held.rubbed:
+    if partly_fixed.rubbed:
         return "Dirichlet data hold one tangential displacement of contact nodes with friction"
     return ""
 
@@ -96,7 +98,7 @@ def _obstacle_at_points(system: ParametricEquations) -> str:
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
     for obstructs, what in (
-        (not system._held_laws, "a law or an obstacle depends on gamma"),
+        (not system._fixed_laws, "a law or an obstacle depends on gamma"),
         (any(s.points.E is not None for s in eq.surfaces), "contact is not at nodes"),
         (not all(s.linear for s in eq.surfaces), "sliding is not small"),
         (points > _MOST_POINTS, f"there are more than {_MOST_POINTS} contact points"),
@@ -114,12 +116,12 @@ def _share_nodes(eq: ContactEquations) -> bool:
     return any_rank(eq.comm, len(np.unique(nodes)) < len(nodes))
 
 
-class _PartlyHeld(NamedTuple):
+class _PartlyFixed(NamedTuple):
     """Properties of contact nodes with Dirichlet data in some directions only.
 
     Attributes:
         some: whether such nodes exist.
-        oblique: whether a held direction has a normal component.
+        oblique: whether a fixed direction has a normal component.
         rubbed: whether friction acts at such a node along a tangent without Dirichlet data.
     """
 
@@ -128,16 +130,16 @@ class _PartlyHeld(NamedTuple):
     rubbed: bool
 
 
-def _partly_held(system: ParametricEquations) -> _PartlyHeld:
+def _partly_fixed(system: ParametricEquations) -> _PartlyFixed:
     """Examine the contact nodes with Dirichlet data in some directions only. Collective."""
     eq = system.equations
     some = oblique = rubbed = False
     for s, constraints in zip(eq.surfaces, eq.constraints.surfaces, strict=True):
         fixed = constraints.fixed_jumps
-        held = fixed.any(axis=1) & ~constraints.clamped
+        one = fixed.any(axis=1) & ~constraints.clamped
         normal = np.abs(np.where(fixed, s.points.vertex_normals, 0.0)).max(axis=1, initial=0.0)
         friction = STICK in s.law_at_points.codes
         some |= bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())
-        oblique |= bool((held & (normal > 1e-6)).any())
-        rubbed |= friction and bool((held & (fixed.sum(axis=1) == 1)).any())
-    return _PartlyHeld(*anywhere(eq.comm, some, oblique, rubbed))
+        oblique |= bool((one & (normal > 1e-6)).any())
+        rubbed |= friction and bool((one & (fixed.sum(axis=1) == 1)).any())
+    return _PartlyFixed(*anywhere(eq.comm, some, oblique, rubbed))

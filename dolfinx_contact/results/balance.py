@@ -301,9 +301,9 @@ def rigid_body_results(eq: ContactEquations, evaluation: Evaluation) -> dict[str
     loads = rigid.loads
     support = np.where(rigid.fixed, -evaluation.pushes, 0.0)
     for b in rigid.bodies:
-        contact, load, held = (
+        contact, load, force = (
             rigid.forces_of_body(v, b) + 0.0 for v in (evaluation.pushes, loads, support)
         )
         motion = rigid.of_body(evaluation.q, b)
-        found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, held, b.dim)
+        found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, force, b.dim)
     return found

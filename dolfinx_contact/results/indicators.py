@@ -19,7 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
-| `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not held, over the local compression of `growth`; 0 if no point is closed | 0.05 |
+| `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not clamped, over the local compression of `growth`; 0 if no point is closed | 0.05 |
 | `facets` | height of the smooth surface over the touched facets of a `RigidSurface` that are wider than those of the body, from the averaged normals; mean with the normal forces as weights, over the local compression | 0.02 |
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); for an obstacle that was moved, the present gaps must satisfy this condition as well; in large sliding of a pair, gaps end at the search distance | 0.05 |
 | `pressure` | linear body: mean pressure of the closed points over the modulus E of the surface | 0.1 |
@@ -386,10 +386,10 @@ def _apart(eq: ContactEquations, evaluation: Evaluation) -> float | None:
         return None
     _, none = least_scales(eq, 0.0)
     moved, acting, gaps = bool(np.any(np.abs(evaluation.u) > none)), False, []
-    for s, contact, held in _contacts(eq, evaluation):
-        acting |= bool(np.any(closed(contact.statuses) & ~held) or np.any(contact.answer))
+    for s, contact, clamped in _contacts(eq, evaluation):
+        acting |= bool(np.any(closed(contact.statuses) & ~clamped) or np.any(contact.answer))
         if not _within_one_part(eq, s):
-            gaps.append(contact.kinematics.gap[~held])
+            gaps.append(contact.kinematics.gap[~clamped])
     free = any(len(gap) for gap in gaps)
     moved, acting, free = anywhere(eq.comm, moved, acting, free)
     smallest = minimum(eq.comm, np.nan_to_num(np.concatenate([*gaps, []]), nan=np.inf), np.inf)
@@ -420,8 +420,8 @@ def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
     for s, contact in zip(eq.surfaces, evaluation.surfaces, strict=True):
         force = np.linalg.norm(contact.traction, axis=1) * s.points.areas
         carrying.append(np.where(force > least, contact.statuses, OPEN))
-    held = not scaling.not_held(evaluation.statuses, evaluation)
-    return scaling.not_held(carrying, evaluation) if held else ""
+    restrained = not scaling.unrestrained_motions(evaluation.statuses, evaluation)
+    return scaling.unrestrained_motions(carrying, evaluation) if restrained else ""
 
 
 def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
@@ -436,8 +436,8 @@ def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
     displaced bodies. Collective.
     """
     found = {
-        s.name: _of_small_sliding(eq, s, evaluation, contact, held)
-        for s, contact, held in _contacts(eq, evaluation)
+        s.name: _of_small_sliding(eq, s, evaluation, contact, clamped)
+        for s, contact, clamped in _contacts(eq, evaluation)
     }
     return "; ".join(f"{name}: {text}" for name, text in Indicators(found).warnings.items())
 
@@ -447,8 +447,8 @@ def surface_indicators(
 ) -> dict[str, SurfaceIndicators]:
     """Return the indicators of every contact surface, by name. Collective."""
     return {
-        s.name: _of_surface(eq, s, evaluation, contact, held)
-        for s, contact, held in _contacts(eq, evaluation)
+        s.name: _of_surface(eq, s, evaluation, contact, clamped)
+        for s, contact, clamped in _contacts(eq, evaluation)
     }
 
 
@@ -457,10 +457,10 @@ def _of_surface(
     s: DiscreteSurface,
     evaluation: Evaluation,
     contact: SurfaceEvaluation,
-    held: Mask,
+    clamped: Mask,
 ) -> SurfaceIndicators:
-    """Return the indicators of a surface; ``held`` is the mask of clamped points. Collective."""
-    found = _of_small_sliding(eq, s, evaluation, contact, held)
+    """Return the indicators of a surface; ``clamped`` is the mask of clamped points. Collective."""
+    found = _of_small_sliding(eq, s, evaluation, contact, clamped)
     depth = maximum(s.comm, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
     found = replace(
         found,
@@ -485,7 +485,7 @@ def _of_surface(
         slip_in_step=_slip_over_facets(s, contact),
         passing=_passing(s, contact),
         between_points=_between_points(s, evaluation),
-        across=_across(eq, s, evaluation, contact, held),
+        across=_across(eq, s, evaluation, contact, clamped),
         overlap=_overlap(eq, s, contact),
         beside=_beside(eq, s, evaluation, contact),
         facets=_facets(eq, s, contact),
@@ -602,19 +602,19 @@ def _of_small_sliding(
     s: DiscreteSurface,
     evaluation: Evaluation,
     contact: SurfaceEvaluation,
-    held: Mask,
+    clamped: Mask,
 ) -> SurfaceIndicators:
     """Return misfit, slip and turn of a surface. Collective."""
     found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
     if s.between_bodies and not s.slides:
-        return _of_pair(s, evaluation, contact, held, found)
+        return _of_pair(s, evaluation, contact, clamped, found)
     if s.obstacle.flat or s.displaced is not None:
         return found
     true = s.true_gaps()
     if true is None:
         return replace(found, misfit=None)
     off = _off(eq.terms[eq.surfaces.index(s)].gaps(evaluation), true, closed(contact.statuses))
-    return replace(found, misfit=maximum(s.comm, np.where(held, 0.0, off)))
+    return replace(found, misfit=maximum(s.comm, np.where(clamped, 0.0, off)))
 
 
 def _off(law: Array, true: Array, is_closed: Mask) -> Array:
@@ -636,7 +636,7 @@ def _of_pair(
     s: DiscreteSurface,
     evaluation: Evaluation,
     contact: SurfaceEvaluation,
-    held: Mask,
+    clamped: Mask,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
     """Return the indicators of a pair in small sliding. Collective."""
@@ -644,7 +644,7 @@ def _of_pair(
     n = s.points.data.n
     jump = at.jump + at.reference
     u = evaluation.u.reshape(-1, s.dim)
-    touching = closed(contact.statuses) & ~held
+    touching = closed(contact.statuses) & ~clamped
     # compare the master where it is with the master of the mesh, whose facets may be chords
     facets = s.obstacle.opposite.master_facets
     master, width = simplices_of(s.u.function_space, facets, u)
@@ -657,11 +657,11 @@ def _of_pair(
     off = _off(law, true, touching)
     faces = (dot(n, after.normal) < -_FACING) & (after.beyond <= 1e-9 * found.facet)
     beyond = after.beyond - before.beyond
-    off = np.where(touching | (faces & ~held), off, 0.0)
+    off = np.where(touching | (faces & ~clamped), off, 0.0)
     off = np.where(touching & (beyond > _LEFT * found.facet), np.hypot(beyond, true), off)
     # slips of points that are closed or transmit a traction across a gap, as bonds do
     size = np.linalg.norm(contact.traction, axis=1)
-    acting = touching | ((size > _CARRYING * maximum(s.comm, size)) & ~held)
+    acting = touching | ((size > _CARRYING * maximum(s.comm, size)) & ~clamped)
     along = np.linalg.norm(jump - dot(jump, n)[:, None] * n, axis=1)
     area = s.comm.allreduce(float(s.points.areas.sum()))
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
@@ -672,7 +672,7 @@ def _of_pair(
         _angles(n, -after.normal) - _angles(n, -before.normal),
     )
     turn = np.maximum(turn, 0.0)
-    forces = np.where(held, 0.0, _normal_forces(contact, s.points.areas))
+    forces = np.where(clamped, 0.0, _normal_forces(contact, s.points.areas))
     mean = float(np.sqrt(_ratio_of_sums(s.comm, forces @ turn**2, forces.sum())))
     return replace(
         found,
@@ -940,7 +940,7 @@ def _across(
     s: DiscreteSurface,
     evaluation: Evaluation,
     contact: SurfaceEvaluation,
-    held: Mask,
+    clamped: Mask,
 ) -> float:
     """Fraction of the normal forces at points with deviating normals of face and obstacle.
 
@@ -949,6 +949,6 @@ def _across(
     u = evaluation.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = s.points.outward(u if follows else np.zeros_like(u))
-    force = np.where(held, 0.0, _normal_forces(contact, s.points.areas))
+    force = np.where(clamped, 0.0, _normal_forces(contact, s.points.areas))
     aside = dot(contact.data.n, outward) < _ACROSS
     return _ratio_of_sums(s.comm, force[aside].sum(), force.sum())

@@ -19,9 +19,9 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import (
     Scales,
-    held_across,
-    held_back,
+    fixed_along_normal,
     least_scales,
+    local_displacement,
     round_off_force,
     without_normal,
 )
@@ -251,7 +251,7 @@ def collect(
         ValueError: on every rank, if a point touches an obstacle where its normal is undefined.
     """
     assert evaluation.reactions is not None
-    lost = without_normal(eq, evaluation) or held_across(eq, evaluation)
+    lost = without_normal(eq, evaluation) or fixed_along_normal(eq, evaluation)
     require(eq.comm, not lost, lost)
     at = (eq, evaluation) if shown is None else shown(evaluation)
     supports = support_at_nodes(*at)
@@ -310,7 +310,7 @@ def _scales_of_law(
     assert evaluation.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
     contacts = zip(eq.surfaces, evaluation.surfaces, eq.scaling.at_vertices, strict=True)
-    kept = [held_back(s, found, stiffness) for s, found, stiffness in contacts]
+    kept = [local_displacement(s, found, stiffness) for s, found, stiffness in contacts]
     force = max(largest, maximum(eq.comm, np.abs(evaluation.reactions)))
     u = max(maximum(eq.comm, np.abs(evaluation.u)), maximum(eq.comm, kept))
     none = least_scales(eq, u)

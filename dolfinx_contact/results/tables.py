@@ -246,8 +246,6 @@ def contact_table(
     """
     s = eq.surfaces[number]
     contact = evaluation.surfaces[number]
-    clamped = eq.constraints.surfaces[number].clamped
-    removed = eq.constraints.surfaces[number].removed
     at = contact.kinematics
     n = s.points.number
     area = at.operator.areas
@@ -257,12 +255,13 @@ def contact_table(
     bound = friction_bound(s, contact) * area
     support = np.zeros_like(traction)
     if s.method != "integral":
-        held = clamped[:n]
-        letters = np.where(held, "d", letters)
-        traction = np.where(held[:, None], 0.0, traction)
+        constraints = eq.constraints.surfaces[number]
+        clamped = constraints.clamped[:n]
+        letters = np.where(clamped, "d", letters)
+        traction = np.where(clamped[:, None], 0.0, traction)
         trace = s.points.vertex_trace_dofs
         support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
-        guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
+        guided = (constraints.removed[:n].sum(axis=1) == s.dim - 1) & ~clamped
         bound = np.where(guided, 0.0, bound)
         moved = _letters_of_motion(at.increment, normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
@@ -328,8 +327,8 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
         points = s.points
         r = np.asarray(force / (length * points.areas), dtype=np.float64)
         answers = s.law_at_points(contact.jump, contact.law_traction, replace(contact.data, r=r))
-        held = answers.holds(contact.statuses)
-        codes = np.where(held, contact.statuses, answers.required)
+        admissible = answers.holds(contact.statuses)
+        codes = np.where(admissible, contact.statuses, answers.required)
         off = (contact.traction - answers.traction(codes)) * points.areas[:, None]
         if s.method != "integral":
             constraints = eq.constraints.surfaces[number]
@@ -337,7 +336,7 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
             missed = np.where(constraints.clamped[: points.number], 0.0, answers.missed)
         else:
             missed = answers.missed
-        missed = np.where(held, 0.0, missed)
+        missed = np.where(admissible, 0.0, missed)
         share = contact.kinematics.operator.share
         if share is not None:  # partly covered nodes have another condition
             off = np.where((share < 1.0)[:, None], contact.off * points.areas[:, None], off)

@@ -241,9 +241,9 @@ class RigidSurface(ReadOnly, Obstacle):
         height = gap.copy()
         height[rim] = z - self.rounding
         normal[rim] = -at_rim
-        held = np.ones(len(x), dtype=bool)
-        held[rim] = (z > -ends[rim]) & (dot(away, away) - z**2 < ends[rim] ** 2)
-        return Start(gap, height, normal, held)
+        on_obstacle = np.ones(len(x), dtype=bool)
+        on_obstacle[rim] = (z > -ends[rim]) & (dot(away, away) - z**2 < ends[rim] ** 2)
+        return Start(gap, height, normal, on_obstacle)
 
     def _ends(self, widths: Array) -> Array:
         """Return the distances past the rim within which points leave gradually.

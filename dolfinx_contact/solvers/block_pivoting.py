@@ -39,15 +39,15 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     points = sum(s.points.number_everywhere for s in eq.surfaces)
     fewest = points + 1
     patience = _PATIENCE
-    held = eq.evaluate_contact(x).statuses
+    prescribed = eq.evaluate_contact(x).statuses
     for _ in range(20 + 4 * min(points, 100)):
-        solved = solver.run(x, attempt, held=held)
+        solved = solver.run(x, attempt, prescribed=prescribed)
         if attempt.gives_up():
             return False
         if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
             return False
         required = eq.evaluate_contact(x).statuses
-        objecting = differs(required, held)
+        objecting = differs(required, prescribed)
         count = count_of(eq.comm, np.concatenate(objecting))
         if count < fewest:
             fewest = count
@@ -56,8 +56,10 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             patience -= 1
         if count > 0 and patience < 0:
             objecting = _last(eq, objecting)
-            required = [_by_stick(a, b) for a, b in zip(required, held, strict=True)]
-        held = [np.where(o, a, b) for o, a, b in zip(objecting, required, held, strict=True)]
+            required = [_by_stick(a, b) for a, b in zip(required, prescribed, strict=True)]
+        prescribed = [
+            np.where(o, a, b) for o, a, b in zip(objecting, required, prescribed, strict=True)
+        ]
         if count == 0:
             # Every status is the required one: the solution of the piece solves H.
             return solver.run(x, attempt)
@@ -65,17 +67,17 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     return False
 
 
-def _by_stick(required: Codes, held: Codes) -> Codes:
+def _by_stick(required: Codes, prescribed: Codes) -> Codes:
     """Return the required statuses, with stick at points where slip would be reversed.
 
     Args:
         required: statuses required by the solution.
-        held: statuses with which the solution was computed.
+        prescribed: statuses with which the solution was computed.
     """
-    before = senses(held)
+    before = senses(prescribed)
     after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
-    return np.where(turns, held + STICK - before, required).astype(np.int8)
+    return np.where(turns, prescribed + STICK - before, required).astype(np.int8)
 
 
 def _last(eq: ContactEquations, objecting: list[Mask]) -> list[Mask]:

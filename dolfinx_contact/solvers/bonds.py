@@ -5,7 +5,7 @@ If many bonds weaken in one step and slip at the same time, Newton's method cycl
 a softening bond pushes its neighbours, and they push it. This strategy is the alternate
 minimisation of Bourdin, Francfort and Marigo (J. Mech. Phys. Solids 48, 2000):
 
-1. the strengths of all bonds are held, and contact and friction are solved with them;
+1. the strengths of all bonds are frozen, and contact and friction are solved with them;
 2. the strength of each bond is reduced to the value given by the law at that state, if this is
    smaller;
 3. when the strengths hardly change any more, Newton's method continues with the law itself.
@@ -34,7 +34,7 @@ __all__ = ["release_bonds"]
 
 #: Successive changes of the strengths below which Newton's method is tried.
 _NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8
-_HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
+_FROZEN_RESIDUAL = 1e-9  # relative residual that suffices while bonds are frozen
 _ROUNDS = 2000  # largest number of rounds
 
 
@@ -48,15 +48,15 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
         pairs = zip(eq.terms, strengths, strict=True)
-        held = eq.with_terms([replace(term, strength=strength) for term, strength in pairs])
-        if not _solve(held, solver.linear, x, attempt):
+        frozen = eq.with_terms([replace(term, strength=strength) for term, strength in pairs])
+        if not _solve(frozen, solver.linear, x, attempt):
             attempt.reason = f"at fixed bond strengths, round {rounds}: {attempt.reason}"
             return False
         change = _weaken(eq, x, strengths)
         if change <= near[0]:
             y = x.copy()
             with Newton(eq, solver.linear, "none", None) as whole:
-                solved = whole.run_holding(y, attempt, eq.evaluate_contact(y).statuses)
+                solved = whole.run_from_statuses(y, attempt, eq.evaluate_contact(y).statuses)
             if solved:
                 y.copy(x)
             y.destroy()
@@ -71,13 +71,13 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     return False
 
 
-def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve contact and friction while the strengths of the bonds are held. Collective."""
+def _solve(frozen: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: Attempt) -> bool:
+    """Solve contact and friction while the strengths of the bonds are frozen. Collective."""
     start = x.copy()
     try:
         for run in (Newton.run, pivot):
-            with Newton(held, linear, "none", None) as solver:
-                solver.tolerance = max(solver.tolerance, _HELD_RESIDUAL)
+            with Newton(frozen, linear, "none", None) as solver:
+                solver.tolerance = max(solver.tolerance, _FROZEN_RESIDUAL)
                 if run(solver, x, attempt):
                     return True
             start.copy(x)

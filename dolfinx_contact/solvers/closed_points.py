@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Closed nodes and points in a multigrid hierarchy of the stiffness.
 
-On a rigid obstacle, closed nodes are held. Closed nodes of two bodies move together. Coarse levels
+On a rigid obstacle, closed nodes are fixed. Closed nodes of two bodies move together. Coarse levels
 must represent this; therefore the hierarchy is built from
 
     K + B_c^T kappa B_c
@@ -37,12 +37,12 @@ class ClosedPoints:
     """Nodes and points that a hierarchy treats as closed.
 
     Attributes:
-        held: mask of owned displacement dofs of nodes in contact with an obstacle.
+        fixed: mask of owned displacement dofs of nodes in contact with an obstacle.
         joined: masks of closed points of this rank, one per contact pair.
         guessed: whether closed nodes are guessed because a surface has no closed point.
     """
 
-    held: Mask
+    fixed: Mask
     joined: list[Mask]
     guessed: bool
 
@@ -80,7 +80,7 @@ class ClosedPoints:
 
     def differs(self, other: ClosedPoints | None) -> bool:
         """Return whether the closed nodes or points differ from ``other`` on this rank."""
-        if other is None or bool((self.held != other.held).any()):
+        if other is None or bool((self.fixed != other.fixed).any()):
             return True
         pairs = zip(self.joined, other.joined, strict=True)
         return any(bool((a != b).any()) for a, b in pairs)

@@ -207,8 +207,11 @@ class Hierarchy:
                     well = condition(self.matrix, _LANCZOS) <= _WELL
                     self._default = "ksp" if well else "gamg"
                 if self.kind in ("gamg", "ksp"):
-                    held = half_of(self.matrix) if half is None else _held(half, identity, diagonal)
-                    self._products = held
+                    self._products = (
+                        half_of(self.matrix)
+                        if half is None
+                        else _with_identity_rows(half, identity, diagonal)
+                    )
             self.pc = PETSc.PC().create(self.comm)
             self.pc.setOperators(self._products or self.matrix, self.matrix)
             self.set_up(self.pc)
@@ -265,7 +268,7 @@ class Hierarchy:
         self.pc = self.matrix = self._products = self._coarse = None
 
 
-class _Held:
+class _IdentityRows:
     """Context of a matrix-free Mat: a matrix with some rows and columns of a scaled identity.
 
     The symmetric matrix and a work vector are composed with the Mat, so that PETSc frees them on
@@ -295,9 +298,9 @@ class _Held:
         y.array[self._rows] = self._diagonal * values
 
 
-def _held(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
+def _with_identity_rows(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
     """Return matrix-free ``A`` with some rows and columns of a scaled identity. Collective."""
-    made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
+    made = PETSc.Mat().createPython(A.getSizes(), _IdentityRows(rows, diagonal), comm=A.comm)
     made.setUp()
     work = A.createVecRight()
     made.compose("matrix", A)

@@ -7,7 +7,7 @@ A Newton step from an iterate x:
    the block of the contact surface (`surface_block`), in nodal contact with condensed multipliers.
    The stiffness of a linear body is kept.
 2. Use the present multigrid hierarchy of the stiffness (`hierarchy`). It is built with the closed
-   nodes held and the closed points of pairs joined by springs (`closed_points`). It outlives
+   nodes fixed and the closed points of pairs joined by springs (`closed_points`). It outlives
    changes of status, because the exact surface solve corrects the contact nodes.
 3. Build a new hierarchy only if the stiffness of a linear body has changed, or if the iterations
    saved exceed the cost of the set-up; costs are counted in iterations (`PLAIN`, `SMOOTHED`,
@@ -17,7 +17,7 @@ A Newton step from an iterate x:
 5. Solve by FGMRES, starting from one application of the preconditioner: a surface solve, a
    multigrid cycle, and another surface solve (`surface_filter`). Stop early if the residual of the
    contact conditions after the step, a measure of the nonlinearity, exceeds the linear residual.
-6. After the full step, correct the surface unknowns for their own rows, with the body held
+6. After the full step, correct the surface unknowns for their own rows, with the body fixed
    (`_inexact`, `Multigrid.correct`).
 
 The constants were chosen by measurements, whose tables are in `benchmarks/README.md`:
@@ -89,7 +89,7 @@ class Multigrid(LinearSolver):
         "ksp_gmres_restart": 60,
         "ksp_max_it": 200,
         # FGMRES cannot diverge, but its start, one application, may be inaccurate: with the body
-        # held, the surface is nearly singular for large friction and nearly incompressible bodies.
+        # fixed, the surface is nearly singular for large friction and nearly incompressible bodies.
         "ksp_divtol": 1e20,
     }
 
@@ -168,7 +168,7 @@ class Multigrid(LinearSolver):
         self.filter.apply(r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Solve the rows on the surface for its unknowns, with the body held fixed. Collective."""
+        """Solve the rows on the surface for its unknowns, with the body fixed. Collective."""
         s = self.filter.surface.local
         z.set(0.0)
         z.array[s] = self.filter.solve(r.array_r[s])
@@ -236,11 +236,11 @@ class Multigrid(LinearSolver):
         """Build the hierarchy for the statuses of an evaluation or for guessed ones. Collective."""
         A = self.operator
         self._closed = ClosedPoints.of(self._equations, evaluation)
-        held = np.union1d(A.fixed, np.flatnonzero(self._closed.held)).astype(np.int32)
+        fixed = np.union1d(A.fixed, np.flatnonzero(self._closed.fixed)).astype(np.int32)
         added = self._closed.springs(self._equations, A.stiffness, evaluation)
         products = self._equations.bulk.for_products
         half = products if products is not A.stiffness else None
-        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
+        self.filter.cycle = self.hierarchy.build(A.stiffness, fixed, A.diagonal, added, half)
         self._assemblies = self._equations.bulk.assemblies
         self._excess = self._dearer = 0.0
         self._unused = True

@@ -114,7 +114,7 @@ class _Run:
         equations: contact problem.
         attempt: attempt recording the iterates.
         latest: latest evaluation of H; None before the first evaluation.
-        held: prescribed statuses with which H is evaluated; None for the statuses determined by the
+        prescribed: statuses with which H is evaluated; None for the statuses determined by the
             unknowns.
         most: number of steps after which the run ends; None to end only at a solution.
         history: statuses and largest relative residual of the iterates.
@@ -126,7 +126,7 @@ class _Run:
     equations: ContactEquations
     attempt: Attempt
     latest: Evaluation | None
-    held: Statuses | None
+    prescribed: Statuses | None
     most: int | None
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
@@ -144,7 +144,7 @@ class _Run:
         state = self.known(x)
         if state is None:
             with logged("ContactResidual"):
-                state = self.latest = self.equations.evaluate(x, self.held)
+                state = self.latest = self.equations.evaluate(x, self.prescribed)
             self.attempt.evaluations += 1
         return state
 
@@ -230,7 +230,7 @@ class Newton:
         attempt: Attempt,
         start: Evaluation | None = None,
         *,
-        held: Statuses | None = None,
+        prescribed: Statuses | None = None,
         most: int | None = None,
     ) -> bool:
         """Solve H(x) = 0 under the present load and return whether a solution was found.
@@ -240,14 +240,14 @@ class Newton:
             attempt: attempt recording the iterates, the reason for the end, and the evaluation
                 at a solution of H.
             start: evaluation at the start, if available.
-            held: prescribed statuses with which H is evaluated; default: statuses determined by the
+            prescribed: statuses with which H is evaluated; default: statuses determined by the
                 unknowns.
             most: number of steps after which the run ends successfully; default: no such number.
 
         Raises:
             FloatingBodyError: if a rigid motion is free.
         """
-        self._run = run = _Run(self.equations, attempt, start, held, most)
+        self._run = run = _Run(self.equations, attempt, start, prescribed, most)
         attempt.evaluation = None
         attempt.linear_solver_failed = False
         attempt.evaluations += start is not None
@@ -262,7 +262,7 @@ class Newton:
             y.copy(x)
             reason = self.snes.getConvergedReason()
             # Only H with its own statuses is the state of the result.
-            if reason > 0 and held is None:
+            if reason > 0 and prescribed is None:
                 attempt.evaluation = run.known(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -286,10 +286,10 @@ class Newton:
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 
-    def run_holding(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
+    def run_from_statuses(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
         """Like `run` from ``x``, but with given statuses in the first step."""
         start = x.copy()
-        if not self.run(x, attempt, held=statuses, most=1):
+        if not self.run(x, attempt, prescribed=statuses, most=1):
             start.copy(x)
         start.destroy()
         return self.run(x, attempt)
@@ -320,7 +320,7 @@ class Newton:
         if guess is not None:
             evaluation = self.equations.evaluate_contact(x, guess)
         else:
-            evaluation = run.known(x) or self.equations.evaluate_contact(x, run.held)
+            evaluation = run.known(x) or self.equations.evaluate_contact(x, run.prescribed)
         before = self.linear.matrix
         self.linear.update(evaluation)
         matrix = self.linear.matrix
@@ -353,7 +353,7 @@ class Newton:
         """Return the norm of the contact rows of H after a full step with this correction."""
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
-        rows = self.equations.contact_rows(after, self._run.held)
+        rows = self.equations.contact_rows(after, self._run.prescribed)
         return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
 
     def _is_solved(self, evaluation: Evaluation) -> bool:
@@ -439,22 +439,22 @@ class Newton:
         """
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, evaluation)
-        cold = self._full_steps and not run.warm and run.held is None
-        if cold or eq.scaling.not_held(statuses, evaluation):
+        cold = self._full_steps and not run.warm and run.prescribed is None
+        if cold or eq.scaling.unrestrained_motions(statuses, evaluation):
             run.guess = statuses = touching(eq, evaluation)
         return statuses
 
     def _floats(self, statuses: Statuses, evaluation: Evaluation) -> bool:
         """Return whether a rigid motion is free; if so, store the error in the run."""
-        loose = self.equations.scaling.not_held(statuses, evaluation)
+        loose = self.equations.scaling.unrestrained_motions(statuses, evaluation)
         if loose:
-            held = ", hold the rigid body" if self.equations.rigid.bodies else ""
+            rigid = ", hold the rigid body" if self.equations.rigid.bodies else ""
             neither = "neither Dirichlet data nor the contact of this iterate holds it"
             if not self.equations.bcs:
                 neither = "bcs is empty, and the contact of this iterate does not hold it"
             self._run.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): {neither}. Add a "
-                f"Dirichlet condition{held}, or start from a state in contact; if friction holds "
+                f"Dirichlet condition{rigid}, or start from a state in contact; if friction holds "
                 "it, the load may exceed the friction bound"
             )
             self._run.floating = FloatingBodyError(self._run.attempt.reason)

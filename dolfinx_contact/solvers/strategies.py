@@ -9,13 +9,13 @@ strategies, in this order and each from the caller's state:
 
 1. Full Newton steps.
 2. Full steps with the automatic augmentation parameter, if the caller forced another one; then, for
-   surfaces with weakening bonds, all bonds are held and released in turn (`bonds`).
+   surfaces with weakening bonds, all bonds are frozen and released in turn (`bonds`).
 3. Pivoting: the pieces of H are solved successively, and if the number of points with a wrong
    status stops shrinking only one point changes at a time (`block_pivoting`). For bodies that are
    not linear it comes last but one, because every piece then takes a Newton solve.
 4. A backtracking line search on the norm of H.
 5. Lemke's method on the reduced problem (`classical`), which terminates in a solution for any
-   friction: in 2D, for linear bodies held by Dirichlet data with contact at nodes.
+   friction: in 2D, for linear bodies fixed by Dirichlet data with contact at nodes.
 6. The load in increments that shrink and grow; before the line search for bodies that are not
    linear.
 7. The branch of solutions under a growing load, followed through its folds (`load_following`); not
@@ -313,7 +313,7 @@ def strategies(
         yield _Strategy(_EXTRAPOLATED, run, is_newton=True)
     for statuses in trial.expected:
         start = None
-        run = partial(Newton.run_holding, statuses=statuses)
+        run = partial(Newton.run_from_statuses, statuses=statuses)
         yield _Strategy("expected statuses", run)
     yield _Strategy("full steps", partial(Newton.run, start=start), is_newton=True)
     if trial.brief:

@@ -122,7 +122,7 @@ class SurfaceBlock:
         made["S"] = A.contact.createSubMatrix(s, s, made.get("S"))
         self._add("block", "K", 1.0, "S")
         # The pattern contains all pairs of facets that may touch; most entries are zero.
-        present = _without_zeros(self._held("block"))
+        present = _without_zeros(self._without_dirichlet("block"))
         try:
             self._factorise(present)
         finally:
@@ -169,7 +169,7 @@ class SurfaceBlock:
         out.axpy(1.0, A, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
         out.axpy(a, B, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
 
-    def _held(self, name: str) -> PETSc.Mat:
+    def _without_dirichlet(self, name: str) -> PETSc.Mat:
         """Return a matrix after eliminating Dirichlet rows and columns in place. Collective."""
         A = self._made[name]
         A.zeroRowsColumns(self._s.fixed + A.getOwnershipRange()[0], diag=self._operator.diagonal)
@@ -232,7 +232,7 @@ class CondensedBlock(SurfaceBlock):
         """See `SurfaceBlock.set_stiffness`. Collective."""
         self._copy("K", square)
         # Dirichlet columns are zero, and Dirichlet rows are used as identities.
-        self._held("K")
+        self._without_dirichlet("K")
 
     def update(self) -> None:
         """Condense and factorise the block of the current operator. Collective.
@@ -250,7 +250,7 @@ class CondensedBlock(SurfaceBlock):
         self._multiply("Q K", "Q", "K")
         self._multiply("T J_lc", "T", "J_lc")
         self._add("block", "Q K", 1.0, "T J_lc")
-        self._factorise(self._held("block"))  # also with Dirichlet columns of J_lc
+        self._factorise(self._without_dirichlet("block"))  # also with Dirichlet columns of J_lc
 
     def _multiply(self, name: str, first: str, second: str) -> None:
         """Compute a product, reusing the matrix of this name if it exists. Collective."""
