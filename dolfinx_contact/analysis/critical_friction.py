@@ -45,8 +45,8 @@ from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._petsc import destroy, staged
 from dolfinx_contact._validate import count, one_of
+from dolfinx_contact.analysis.constrained_multigrid import ConstrainedMultigrid, have_own_nodes
 from dolfinx_contact.analysis.davidson import Davidson
-from dolfinx_contact.analysis.held_multigrid import HeldMultigrid, have_own_nodes
 from dolfinx_contact.analysis.rows import (
     Problem,
     matrix_of_product,
@@ -58,13 +58,18 @@ from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import require_solution
-from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
+from dolfinx_contact.reduced.constrained_body import (
+    ConstrainedBody,
+    ConstrainedField,
+    columns_of,
+    with_dirichlet_rows,
+)
 
 __all__ = [
     "CriticalFriction",
     "check_request",
+    "constrained_body",
     "critical_friction",
-    "held_body",
     "softness_of",
     "solver_of_body",
     "takes_all",
@@ -211,7 +216,7 @@ def critical_friction(
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
     """Return ``direct`` or ``amg``, as requested or chosen by size. Collective.
 
-    Multigrid is chosen for large bodies if each row has a node of its own (`held_multigrid`).
+    Multigrid is chosen for large bodies if each row has its own node (`constrained_multigrid`).
     """
     kind = _requested(solver)
     if kind != "auto":
@@ -220,9 +225,9 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
     return "amg" if large and have_own_nodes(rows, eq.dim) else "direct"
 
 
-def held_body(
+def constrained_body(
     eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
-) -> HeldBody | HeldMultigrid:
+) -> ConstrainedBody | ConstrainedMultigrid:
     """Return a solver of the body with some jump components held at zero. Collective.
 
     Args:
@@ -232,9 +237,9 @@ def held_body(
         kind: ``direct`` or ``amg``, as chosen by `solver_of_body`.
     """
     if kind == "amg":
-        return HeldMultigrid(eq, u, rows, "analysis_")
+        return ConstrainedMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
-    body = HeldBody(eq.comm, [HeldField(K, rows)], eq.scaling.stiffness)
+    body = ConstrainedBody(eq.comm, [ConstrainedField(K, rows)], eq.scaling.stiffness)
     K.destroy()
     return body
 
@@ -259,7 +264,7 @@ class _PressureByShear:
         self._softness = softness_of(slip.D, eq.bulk.stiffness(u))
         rows = [slip.N, slip.H]
         self.solver = solver_of_body(eq, rows, solver)
-        self._body = held_body(eq, u, rows, self.solver)
+        self._body = constrained_body(eq, u, rows, self.solver)
         self._u, self._f = slip.D.createVecs()
         self._cycles = 0
 
@@ -279,7 +284,7 @@ class _PressureByShear:
     def work(self) -> tuple[int, int]:
         """Numbers of multigrid solves and of all multigrid cycles; 0 with a factorisation."""
         body = self._body
-        if isinstance(body, HeldMultigrid):
+        if isinstance(body, ConstrainedMultigrid):
             return body.solves, body.iterations + self._cycles
         return 0, 0
 
@@ -310,7 +315,11 @@ class _PressureByShear:
         More are computed if none of them has a slip of one sign.
         """
         body = self._body
-        if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
+        if (
+            isinstance(body, ConstrainedMultigrid)
+            and body.symmetric
+            and body.leaves_alone(self._slip.D)
+        ):
             return self._by_davidson(body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
@@ -320,7 +329,7 @@ class _PressureByShear:
 
     # -- Davidson's method ------------------------------------------------------------------------
 
-    def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
+    def _by_davidson(self, body: ConstrainedMultigrid, count: int) -> SlipModes:
         """Compute the eigenvalues of T in order of decreasing magnitude.
 
         An unfinished search for the next eigenvalue still gives an upper bound of the remaining

@@ -23,8 +23,8 @@ from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.critical_friction import (
     BodySolverKind,
     check_request,
+    constrained_body,
     critical_friction,
-    held_body,
     softness_of,
     solver_of_body,
     takes_all,
@@ -41,7 +41,7 @@ from dolfinx_contact.analysis.rows import (
 )
 from dolfinx_contact.analysis.slip import TOLERANCE, Slip, SlipPattern, free_motions
 from dolfinx_contact.analysis.slip_modes import SlipModes
-from dolfinx_contact.reduced.held_body import columns_of
+from dolfinx_contact.reduced.constrained_body import columns_of
 
 __all__ = ["FrictionByDirection", "critical_friction_by_direction"]
 
@@ -216,7 +216,7 @@ class _AllTangents:
     @cached_property
     def _responses(self) -> tuple[Array, Array]:
         """Rows of C and P on this rank; collective when first computed."""
-        body = held_body(self._eq, self._u, [self._N], self.solver)
+        body = constrained_body(self._eq, self._u, [self._N], self.solver)
         try:
             return body.respond(columns_of(self._tangents), self._tangents)
         finally:

@@ -64,7 +64,12 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.proofs.weights import maximise
-from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
+from dolfinx_contact.reduced.constrained_body import (
+    ConstrainedBody,
+    ConstrainedField,
+    columns_of,
+    with_dirichlet_rows,
+)
 from dolfinx_contact.results.indicators import small_sliding_violated
 
 __all__ = ["Renard", "WeightedForm", "criterion_at", "renard_criterion"]
@@ -294,7 +299,7 @@ class _Form:
         entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
         u = eq.bulk.displacement.x.array.copy()
         self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
-        self._free = HeldBody(eq.comm, [HeldField(self._K, [])], eq.scaling.stiffness)
+        self._free = ConstrainedBody(eq.comm, [ConstrainedField(self._K, [])], eq.scaling.stiffness)
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
@@ -330,7 +335,9 @@ class _Form:
         """Compute `Renard.factor` using products with A and with its inverse, the stiffness."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
-        held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.scaling.stiffness)
+        held = ConstrainedBody(
+            self.comm, [ConstrainedField(self._K, [R])], self._eq.scaling.stiffness
+        )
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
             """Multiply by -(X + S X^T A)/2, which has the eigenvalues 1/F_R."""

@@ -70,9 +70,9 @@ from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
-from dolfinx_contact.reduced.held_body import (
-    HeldBody,
-    HeldField,
+from dolfinx_contact.reduced.constrained_body import (
+    ConstrainedBody,
+    ConstrainedField,
     is_positive_definite,
     with_dirichlet_rows,
 )
@@ -296,7 +296,9 @@ def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float])
         if B is not None and part != 0:
             A.axpy(part, B, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
-    held = HeldBody(eq.comm, [HeldField(inside, rows)], eq.scaling.stiffness, counted=True)
+    held = ConstrainedBody(
+        eq.comm, [ConstrainedField(inside, rows)], eq.scaling.stiffness, counted=True
+    )
     signs = held.signs
     held.destroy()
     destroy(inside, A)

@@ -47,7 +47,7 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.vibrations import DenseBody, body_of, damped, first_order
 from dolfinx_contact.equations.measures import require_solution
-from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
+from dolfinx_contact.reduced.constrained_body import ConstrainedField, saddle, with_dirichlet_rows
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
@@ -344,7 +344,7 @@ class SteadySliding(ReadOnly):
         for A, scale in ((body.K, eq.scaling.stiffness), (body.C, 0.0), (body.M, 0.0)):
             if A is not None:
                 inside = with_dirichlet_rows(A, eq, scale)
-                matrices.append(saddle([HeldField(inside, held, forces)], scale))
+                matrices.append(saddle([ConstrainedField(inside, held, forces)], scale))
                 inside.destroy()
         # eigenvalues nearest to zero
         solver: Any

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dolfinx_contact._mpi import any_rank
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.reduced.held_body import is_positive_definite
+from dolfinx_contact.reduced.constrained_body import is_positive_definite
 from dolfinx_contact.results.uniqueness import Theory
 
 __all__ = ["theory_of"]

@@ -50,8 +50,13 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import RigidTerm, SurfaceTerm
 from dolfinx_contact.equations.measures import Scales, measure
 from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.reduced.constrained_body import (
+    ROUND_OFF,
+    ConstrainedBody,
+    ConstrainedField,
+    with_dirichlet_rows,
+)
 from dolfinx_contact.reduced.gathered import GatheredPoints
-from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
 from dolfinx_contact.reduced.point_problem import PointProblem
 from dolfinx_contact.reduced.scope import check_reducible
 
@@ -118,7 +123,7 @@ class Reduction:
         # stiffness at the points, in their frames
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
-        self._body = self._held_at_points(parametric.evaluate_contact(x, gamma, piece).u)
+        self._body = self._constrained_at_points(parametric.evaluate_contact(x, gamma, piece).u)
         self._x = x.copy()
         T = self.points.frames
         m = self._m
@@ -293,7 +298,7 @@ class Reduction:
 
     # -- the body --------------------------------------------------------------------------------
 
-    def _held_at_points(self, u: Array) -> HeldBody:
+    def _constrained_at_points(self, u: Array) -> ConstrainedBody:
         """Factorise [K, -B^T; -B, 0] with the Dirichlet rows of H."""
         eq = self._equations
         first = 0
@@ -319,15 +324,19 @@ class Reduction:
             first += s.points.number
         # All rows of displacements have the unit of a force.
         whole = self.points.guided
-        fields = [HeldField(K, blocks, without_forces=None if whole else fixed)]
+        fields = [ConstrainedField(K, blocks, without_forces=None if whole else fixed)]
         if eq.rigid.size:
             still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
             here = np.arange(eq.rigid.owned)
             prescribed = np.where(eq.rigid.here(eq.rigid.fixed), self._scale, 0.0)
             diagonal = self._matrix(len(here), here, here, prescribed)
-            fields.append(HeldField(diagonal, motions, without_forces=None if whole else still))
+            fields.append(
+                ConstrainedField(diagonal, motions, without_forces=None if whole else still)
+            )
         try:
-            return HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
+            return ConstrainedBody(
+                self.comm, fields, -self._scale, prefix="condensed_", counted=False
+            )
         finally:
             for field in fields:
                 destroy(field.stiffness, *field.rows)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Multigrid solver for a body with prescribed motions of its contact points.
 
-It solves the system of `reduced.held_body` for bodies that are too large to factorise,
+It solves the system of `reduced.constrained_body` for bodies that are too large to factorise,
 
     [ K   R^T ] [ u ]   [ b ]
     [ R    0  ] [ p ] = [ 0 ]
@@ -35,13 +35,13 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._petsc import destroy, options_in_database, product, reasons_of, stacked
 from dolfinx_contact.analysis.davidson import Davidson
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.reduced.held_body import with_dirichlet_rows
+from dolfinx_contact.reduced.constrained_body import with_dirichlet_rows
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix as Columns
 
-__all__ = ["HeldMultigrid", "have_own_nodes"]
+__all__ = ["ConstrainedMultigrid", "have_own_nodes"]
 
 _DEFAULTS = {"ksp_rtol": 1e-11, "ksp_max_it": 1000, "ksp_norm_type": "unpreconditioned"}
 _OWN = 1e-10  # largest deviation of R R_o^T from 1
@@ -129,7 +129,7 @@ def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Arr
     return seen
 
 
-class HeldMultigrid:
+class ConstrainedMultigrid:
     """Multigrid solver of the constrained body; see the module. All methods are collective.
 
     Args:
@@ -210,7 +210,7 @@ class HeldMultigrid:
         return [u, *np.split(p, np.cumsum(self._sizes)[:-1])]
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
-        """Solve for k loads b, one after the other, as `HeldBody.respond` does.
+        """Solve for k loads b, one after the other, as `ConstrainedBody.respond` does.
 
         Args:
             loads: sparse matrix with one load per column, shape (n, k) for n owned dofs.

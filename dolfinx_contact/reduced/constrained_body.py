@@ -28,8 +28,8 @@ from dolfinx_contact.equations.contact import ContactEquations
 
 __all__ = [
     "ROUND_OFF",
-    "HeldBody",
-    "HeldField",
+    "ConstrainedBody",
+    "ConstrainedField",
     "columns_of",
     "is_positive_definite",
     "saddle",
@@ -55,7 +55,7 @@ def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class HeldField:
+class ConstrainedField:
     """Field of unknowns: displacements of the body, or motions of rigid bodies.
 
     Attributes:
@@ -83,7 +83,7 @@ class HeldField:
         return found
 
 
-def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
+def saddle(fields: Sequence[ConstrainedField], unit: float) -> PETSc.Mat:
     """Return the AIJ matrix [K, u C^T; u A, 0] with the unit u of multipliers. Collective."""
     scaled = [[A * unit for A in field.rows] for field in fields]
     transposed = [field.transposed(unit) for field in fields]
@@ -127,7 +127,7 @@ def columns_of(rows: PETSc.Mat) -> Columns:
     return Rows((values, columns, indptr), shape=shape).tocsc()
 
 
-class HeldBody:
+class ConstrainedBody:
     """Factorised body with prescribed motions, see the module. All methods are collective.
 
     Args:
@@ -150,7 +150,7 @@ class HeldBody:
     def __init__(
         self,
         comm: Any,
-        fields: Sequence[HeldField],
+        fields: Sequence[ConstrainedField],
         unit: float,
         *,
         prefix: str = "analysis_",
