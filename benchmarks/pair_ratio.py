@@ -84,7 +84,7 @@ def tie(args, u, tags):
     comm = u.function_space.mesh.comm
     index_map = u.function_space.dofmap.index_map
     bs = 3
-    nodes = index_map.local_to_global(points.trace_dofs[: points.number]).astype(np.int64)
+    nodes = index_map.local_to_global(points.trace_nodes[: points.number]).astype(np.int64)
     first = points.operator.B.getOwnershipRange()[0]
     n = bs * index_map.size_local
     along = np.arange(bs)

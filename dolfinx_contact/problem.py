@@ -737,7 +737,7 @@ class ContactProblem(ReadOnly):
         s = self.discrete(surface)
         with self.at(state) as problem:
             reactions = support_at_nodes(self.equations, problem.evaluate())
-        return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
+        return forces_at_vertices(self.V, s.submesh, s.points.vertex_nodes, reactions)
 
     def discrete(self, surface: Contact | DiscreteSurface | str) -> DiscreteSurface:
         """Return the discretisation of a contact surface of this problem.

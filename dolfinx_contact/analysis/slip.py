@@ -229,7 +229,7 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> 
     if len(on_obstacle) < 2:
         return
     to_global = eq.V.dofmap.index_map.local_to_global
-    nodes = [to_global(s.points.trace_dofs[: s.points.number]) for s in eq.surfaces]
+    nodes = [to_global(s.points.trace_nodes[: s.points.number]) for s in eq.surfaces]
     surface = np.repeat(np.arange(len(nodes)), [len(part) for part in nodes])
     mine = touching & np.isin(surface, on_obstacle)
     parts = [v[mine] for v in (np.concatenate(nodes), surface, loose, point_normals(eq))]

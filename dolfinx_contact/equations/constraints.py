@@ -230,7 +230,7 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
         crossing: mask of the local vertices at which pairs cross.
     """
     at_nodes = _fixed_at_nodes(s, fixed)
-    jumps = at_nodes[s.points.trace_dofs]
+    jumps = at_nodes[s.points.trace_nodes]
     displacement_degree, multiplier_degree = s.degrees
     if displacement_degree != multiplier_degree:
         jumps = jumps & _fixed_on_support(s, at_nodes)
@@ -271,7 +271,7 @@ def _objection_to_values(
         prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (n, dim).
         size: size of the body, a length.
     """
-    trace = s.points.vertex_trace_dofs
+    trace = s.points.vertex_nodes
     fixed = constraints.fixed_nodes[trace]
     # gaps of the fixed nodes
     moved = prescribed - s.opposite(prescribed)
@@ -401,7 +401,7 @@ def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) ->
 def _nodes(s: DiscreteSurface) -> Ints:
     """Return the local nodes at the vertices of a surface and of its master."""
     if not s.between_bodies:
-        return s.points.vertex_trace_dofs.astype(np.int64)
+        return s.points.vertex_nodes.astype(np.int64)
     return np.flatnonzero(np.logical_or(*s.obstacle.opposite.sides))
 
 

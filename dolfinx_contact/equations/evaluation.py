@@ -399,7 +399,7 @@ class SurfaceTerm:
         if s.method != "mixed" or s.slides:
             return evaluation.surfaces[self.number].kinematics.gap
         nodes = self.relative(evaluation.u, evaluation.q)
-        jumps = (nodes - s.opposite(nodes))[s.points.trace_dofs[: s.points.number]]
+        jumps = (nodes - s.opposite(nodes))[s.points.trace_nodes[: s.points.number]]
         return np.asarray(s.points.gaps - np.sum(jumps * s.points.data.n, axis=1))
 
     def memory_after(self, evaluation: Evaluation) -> Memory:

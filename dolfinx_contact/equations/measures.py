@@ -311,7 +311,7 @@ def fixed_along_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
         if s.displaced is None or not s.displaced.friction:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
-        fixed = constraints.fixed_nodes[s.points.vertex_trace_dofs]
+        fixed = constraints.fixed_nodes[s.points.vertex_nodes]
         partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
         if not any_rank(eq.comm, partly):
             continue

@@ -174,7 +174,7 @@ class Scaling:
         self.at_vertices: list[Array] = []
         for s in self._surfaces:
             geometry = s.points.geometry
-            nodes = s.points.vertex_trace_dofs
+            nodes = s.points.vertex_nodes
             stiffness = _in_series(per_node, s)[nodes] / geometry.vertex_areas
             self.at_vertices.append(stiffness)
             if s.slides:

@@ -92,7 +92,7 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
         at_vertices = gap
         if s.method == "integral":
             nodes = term.relative(evaluation.u, evaluation.q)
-            jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
+            jump = (nodes - s.opposite(nodes))[s.points.vertex_nodes]
             at_vertices = s.at_vertices(jump)[0]
         least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
     at_vertices, at_points = (-largest(eq.comm, -np.array(least))).reshape(-1, 2).T

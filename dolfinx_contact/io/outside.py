@@ -199,7 +199,7 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
         x, facets, n = s.obstacle.outline
         return {"cells": facets, "floor": x, "moved": s.partner.dragged(x), "n": n}
     points = s.points
-    trace = points.vertex_trace_dofs
+    trace = points.vertex_nodes
     u = s.u.x.array.reshape(-1, s.dim)
     n = points.vertex_normals
     floor = s.node_positions[trace] + points.vertex_gaps[:, None] * n

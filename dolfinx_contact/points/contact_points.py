@@ -58,7 +58,7 @@ from dolfinx_contact.points.jump_operators import (
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.shared_functions import receiving_vertices, shared
 from dolfinx_contact.points.surface_geometry import SurfaceFacets, SurfaceGeometry
-from dolfinx_contact.points.trace import point_ids, trace_dofs
+from dolfinx_contact.points.trace import point_ids, trace_nodes
 
 __all__ = ["AveragedPoints", "ContactPoints", "Degrees", "Evaluators", "FacetPoints", "NodePoints"]
 
@@ -114,8 +114,8 @@ class ContactPoints(ABC):
             common parts of faces.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
-        trace_dofs: node of the displacement at each local multiplier node.
-        vertex_trace_dofs: node of the displacement at each local vertex.
+        trace_nodes: node of the displacement at each local multiplier node.
+        vertex_nodes: node of the displacement at each local vertex.
         facets: facets owned by this rank, with their geometry at any displacement.
         geometry: areas of the local vertices, sizes of the facets.
         exchange: exchange of values at the points and their ghosts between ranks.
@@ -171,14 +171,14 @@ class ContactPoints(ABC):
         self._owned_nodes = int(V.dofmap.index_map.size_local)
         # spaces on the facets and their nodes in the body
         self.vertices = point_space(submesh.mesh, None)
-        self.vertex_trace_dofs = trace_dofs(V, self.vertices, facets)
-        self.facets = SurfaceFacets(V, submesh, self.vertices, self.vertex_trace_dofs)
+        self.vertex_nodes = trace_nodes(V, self.vertices, facets)
+        self.facets = SurfaceFacets(V, submesh, self.vertices, self.vertex_nodes)
         self.Q = blocked_space(self.vertices, self.dim)
-        self.trace_dofs = self.vertex_trace_dofs
+        self.trace_nodes = self.vertex_nodes
         if degrees.multiplier > 1:
             Q = ("Lagrange", degrees.multiplier, (self.dim,))
             self.Q = fem.functionspace(submesh.mesh, Q)
-            self.trace_dofs = trace_dofs(V, self.Q, facets)
+            self.trace_nodes = trace_nodes(V, self.Q, facets)
         self._at_nodes = measure_of(domain, facets, 1, "vertex")
         self._exact_degree = 2 * max(degrees) + axisymmetric
         # points, areas, operators, data
@@ -379,7 +379,7 @@ class ContactPoints(ABC):
         sections = areas if self._weight is None else sections
         covered = None
         if opposite is not None and opposite.areas is not None:
-            covered = opposite.areas[self.vertex_trace_dofs] if averaged is None else averaged
+            covered = opposite.areas[self.vertex_nodes] if averaged is None else averaged
         return SurfaceGeometry(self.vertices, areas, areas / sections, self._swept, covered)
 
     def _swept(self) -> Array:
@@ -469,7 +469,7 @@ class NodePoints(ContactPoints):
         return self.exchange.from_owners(values)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
-        nodes = self.trace_dofs[: self.number]
+        nodes = self.trace_nodes[: self.number]
         here = self._each_alone(own_nodes(self._V, nodes))
         return here if opposite is None else here.minus(self._each_alone(opposite.at(nodes)))
 
@@ -535,7 +535,7 @@ class AveragedPoints(NodePoints):
         self.areas = scaled_rows(self._means)
         if opposite is not None and opposite.areas is not None:
             # vertices of uncovered facets have no traction, so that any area serves
-            whole = opposite.areas[self.vertex_trace_dofs[: self.number]]
+            whole = opposite.areas[self.vertex_nodes[: self.number]]
             self.areas = np.where(self.areas > 0.0, self.areas, whole)
         averaged = self.exchange.from_owners(self.areas)
         return self._geometry(opposite, self._evaluators.at_points.areas, averaged)

@@ -32,7 +32,7 @@ from dolfinx_contact.points.evaluators import (
 )
 from dolfinx_contact.points.jump_operators import NodeWeights, Stencils, own_nodes
 from dolfinx_contact.points.opposite import Common, Opposite
-from dolfinx_contact.points.trace import cells_of, trace_dofs
+from dolfinx_contact.points.trace import cells_of, trace_nodes
 
 __all__ = ["CommonGaussPoints", "GaussPoints"]
 
@@ -152,7 +152,7 @@ class GaussPoints:
         U = self._vertices
         if degree > 1:
             U = fem.functionspace(self._submesh.mesh, ("Lagrange", degree))
-        at = trace_dofs(self._V, U, self._submesh.parent_facets)[U.dofmap.list[self.cells]]
+        at = trace_nodes(self._V, U, self._submesh.parent_facets)[U.dofmap.list[self.cells]]
         displacing = trace(at)  # (groups, basis functions, nodes of each)
         weights = self._table(U)[..., None] * displacing.weights[:, None]
         groups, p, k, width = weights.shape
@@ -198,7 +198,7 @@ class CommonGaussPoints(GaussPoints):
         self.cells = order[np.searchsorted(parents, facets, sorter=order)].astype(np.int32)
         self._body_cells = np.repeat(cells_of(V.mesh, facets), p)
         # reference coordinates in the submesh, whose corners may be in any order
-        trace = trace_dofs(V, self._vertices, parents)
+        trace = trace_nodes(V, self._vertices, parents)
         nodes = trace[self._vertices.dofmap.list[self.cells]]
         theirs = global_numbers(V.dofmap.index_map, nodes)[:, None]
         mine = slave.nodes[cover.facet, : slave.corners, None]

@@ -66,7 +66,7 @@ class DiscretePair(DiscreteSurface):
                 multiplier of degree 2 is not unique there.
         """
         V = self.u.function_space
-        trace = self.points.vertex_trace_dofs
+        trace = self.points.vertex_nodes
         require(
             self.comm,
             self.degrees.multiplier == 1 or not crossing.any(),

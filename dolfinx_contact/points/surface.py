@@ -410,7 +410,7 @@ class DiscreteSurface(ReadOnly):
         n = points.vertex_normals[:1]
         removed = points.removed_at_vertices
         gap = points.vertex_gaps[:1] - (0.0 if removed is None else removed.x.array[:1])
-        height = gap + dot(n, self.node_positions[points.vertex_trace_dofs[:1]])
+        height = gap + dot(n, self.node_positions[points.vertex_nodes[:1]])
         first = np.concatenate(self.comm.allgather(np.column_stack([n, height])))[0]
         return first[:-1], float(first[-1])
 
@@ -435,7 +435,7 @@ class DiscreteSurface(ReadOnly):
                 shape (nodes, dim).
         """
         if self.method != "integral":
-            return u[self.points.vertex_trace_dofs[: self.points.number]]
+            return u[self.points.vertex_nodes[: self.points.number]]
         return self.points.own(self._displacement_at_points)["u"]
 
     @cached_property

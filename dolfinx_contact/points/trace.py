@@ -40,7 +40,7 @@ __all__ = [
     "owned_facets",
     "point_ids",
     "sums_at_global_places",
-    "trace_dofs",
+    "trace_nodes",
     "unit_field",
     "vertex_numbers",
 ]
@@ -151,7 +151,7 @@ def facet_closures(V: fem.FunctionSpace, facets: Indices) -> Indices:
     return np.asarray(nodes, dtype=np.int32)
 
 
-def trace_dofs(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indices) -> Indices:
+def trace_nodes(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indices) -> Indices:
     """Return the local node of ``V`` at each local node of ``Q`` (on a facet submesh)."""
     index_map = Q.dofmap.index_map
     nodes = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)

@@ -22,7 +22,7 @@ from dolfinx_contact._arrays import Array, Codes, Ints
 from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.points.trace import trace_nodes
 from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class _Multiplier:
         W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
         self.on_body = fem.Function(W)
         self._multiplier = multiplier
-        self._nodes = trace_dofs(W, s.points.Q, s.submesh.parent_facets)
+        self._nodes = trace_nodes(W, s.points.Q, s.submesh.parent_facets)
         self._shared = SharedValues(W.dofmap.index_map)
 
     def extend(self) -> None:

@@ -112,7 +112,7 @@ def _obstacle_at_points(system: ParametricEquations) -> str:
 
 def _share_nodes(eq: ContactEquations) -> bool:
     """Return whether two surfaces have a node in common. Collective."""
-    nodes = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
+    nodes = np.concatenate([s.points.vertex_nodes for s in eq.surfaces])
     return any_rank(eq.comm, len(np.unique(nodes)) < len(nodes))
 
 

@@ -734,7 +734,7 @@ def _approach(
         moved = moved - memory.displacement
     master = moved[opposite.sides[1][:n]]
     sums = s.comm.allreduce(np.append(master.sum(axis=0), len(master)))
-    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    nodes = s.points.vertex_nodes[: s.points.number]
     absent = contact.kinematics.operator.absent
     assert absent is not None
     alone = absent & (nodes < n)

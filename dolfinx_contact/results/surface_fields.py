@@ -65,7 +65,7 @@ def contact_fields(
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
             at_vertices[name][clamped] = 0.0  # as in the table
-    trace = s.points.vertex_trace_dofs
+    trace = s.points.vertex_nodes
     supports = forces_at_vertices(eq.V, s.submesh, trace, support_at_nodes(eq, evaluation))
     values = {
         "displacement": evaluation.u.reshape(-1, s.dim)[trace],
@@ -132,7 +132,7 @@ def _interpolated(
 ) -> dict[str, Array]:
     """Return values at the vertices themselves instead of means around them. Collective."""
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
-    u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
+    u = (u - s.opposite(u))[s.points.vertex_nodes]
     gap, n = s.at_vertices(u)
     if s.displaced is None:
         slip = u - np.sum(u * n, axis=1)[:, None] * n

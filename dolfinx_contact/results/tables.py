@@ -259,7 +259,7 @@ def contact_table(
         clamped = constraints.clamped[:n]
         letters = np.where(clamped, "d", letters)
         traction = np.where(clamped[:, None], 0.0, traction)
-        trace = s.points.vertex_trace_dofs
+        trace = s.points.vertex_nodes
         support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
         guided = (constraints.removed[:n].sum(axis=1) == s.dim - 1) & ~clamped
         bound = np.where(guided, 0.0, bound)
@@ -272,7 +272,7 @@ def contact_table(
     if absent is not None:
         gap[absent] = np.nan
     elif s.method != "integral" and opposite is not None and not opposite.matching:
-        gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
+        gap[opposite.none[s.points.vertex_nodes[:n]]] = np.nan
     columns: dict[str, npt.NDArray[Any]] = {
         "x": s.points.positions,
         "area": area,

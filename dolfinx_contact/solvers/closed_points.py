@@ -68,7 +68,7 @@ class ClosedPoints:
             vertices = s.points.at_vertices(points.astype(float)) > 0.5
             if not touching:
                 vertices = s.points.vertex_gaps <= reach
-            nodes.append(s.points.vertex_trace_dofs[vertices])
+            nodes.append(s.points.vertex_nodes[vertices])
         at_vertices = SharedValues(V.dofmap.index_map).marked(np.concatenate(nodes))
         marked = at_vertices.copy()
         for s in eq.surfaces:

@@ -41,7 +41,7 @@ def led(obstacle, dim, places):
     """Increments of the slip, and normals, of contact nodes led from place to place (n, dim)."""
     problem = block(obstacle, cell="quad" if dim == 2 else "hex", n=2, law=Coulomb(0.3))
     (s,) = problem.surfaces
-    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    nodes = s.points.vertex_nodes[: s.points.number]
     x = s.node_positions
     found = []
     memory = None

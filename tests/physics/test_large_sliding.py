@@ -64,7 +64,7 @@ def places(problem):
     (s,) = problem.surfaces
     dim = problem.equations.dim
     n = s.points.number
-    nodes = s.points.vertex_trace_dofs
+    nodes = s.points.vertex_nodes
     x = s.node_positions[nodes] + problem.u.x.array.reshape(-1, dim)[nodes]
     return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], problem.statuses[0]
 

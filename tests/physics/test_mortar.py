@@ -60,7 +60,7 @@ def test_mortar_forces_are_exact_integrals_of_uniform_tractions(case, slave, mas
     n = V.dofmap.index_map.size_local
     uniform = np.tile([1.0, -2.0], (pair.points.number, 1))
     force = pair.points.operator.transpose(uniform).reshape(-1, 2)[:n]
-    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
+    covered = ~pair.obstacle.opposite.none[pair.points.trace_nodes[: pair.points.number]]
     force -= pair.points.operator.transpose(
         np.where(covered[:, None], 0.0, np.tile([1.0, -2.0], (pair.points.number, 1)))
     ).reshape(-1, 2)[:n]

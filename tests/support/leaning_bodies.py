@@ -99,7 +99,7 @@ def stiffness_of_points(problem):
     K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
     free = ~problem.equations.fixed
-    nodes = problem.surfaces[0].points.trace_dofs
+    nodes = problem.surfaces[0].points.trace_nodes
     nodes = nodes[free.reshape(n, dim)[nodes].all(axis=1)]
     on = (dim * nodes[:, None] + np.arange(dim)).ravel()
     inside = np.setdiff1d(np.flatnonzero(free), on)

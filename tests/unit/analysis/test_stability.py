@@ -93,7 +93,7 @@ class Pressed:
     def put(self, traction, codes):
         """Put tractions at the multiplier nodes into the Functions, and the load against them."""
         self.surface.multiplier.x.array[:] = traction.reshape(-1)
-        nodes = self.surface.points.trace_dofs
+        nodes = self.surface.points.trace_nodes
         self.load.x.array.reshape(-1, traction.shape[1])[nodes] = -traction
         restore_statuses(self.problem, codes)
 
@@ -279,7 +279,7 @@ def test_columns_buckle_as_euler_and_flutter_as_beck():
     corner = np.isclose(surface.points.Q.tabulate_dof_coordinates()[:, 0], 0.0)
     change = -friction * traction[corner, 1] - traction[corner, 0]
     traction[corner, 0] += change
-    nodes = surface.points.trace_dofs[np.flatnonzero(corner)]
+    nodes = surface.points.trace_nodes[np.flatnonzero(corner)]
     column.push.x.array.reshape(-1, 2)[nodes, 0] = -change
     restore_statuses(problem, codes)
     found = stability_at_rest(problem, density=1.0)

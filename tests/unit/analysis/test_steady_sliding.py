@@ -108,7 +108,7 @@ def by_hand(problem, slip, friction, density, C):
     K = dense(problem.equations.bulk.stiffness(problem.u.x.array))
     M = assembled(density * ufl.dot(v, w) * ufl.dx)
     C = C * K if isinstance(C, float) else assembled(C)
-    nodes = problem.surfaces[0].points.trace_dofs
+    nodes = problem.surfaces[0].points.trace_nodes
     last = dim - 1
     free = ~problem.equations.fixed
     test = np.eye(len(K))

@@ -48,7 +48,7 @@ def test_nodal_rows_are_alart_curnier(dim, cell, law):
     rows = problem.equations.unknowns.blocks(b)[1].reshape(n, dim)
 
     # The law, from nothing but the nodal values and the definition of the obstacle.
-    nodes = surface.points.vertex_trace_dofs[:n]
+    nodes = surface.points.vertex_nodes[:n]
     u = problem.u.x.array.reshape(-1, dim)[nodes]
     multiplier = surface.multiplier.x.array.reshape(-1, dim)[:n]
     position = problem.V.tabulate_dof_coordinates()[nodes][:, :dim]

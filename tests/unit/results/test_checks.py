@@ -77,7 +77,7 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
     (s,) = problem.surfaces
     size = problem.equations.body_size
     n = s.points.number
-    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs][:n]
+    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_nodes][:n]
     x = s.positions[:n]
     closed = status.closed(problem.statuses[0])
     true = np.linalg.norm(x + u - centre, axis=1) - radius
