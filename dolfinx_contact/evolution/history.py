@@ -110,7 +110,7 @@ def _at_state(
         for axis, v in zip("xyz", t.resultant(t.force), strict=False)
     }
     variables = {
-        f"{variable}_{name}": _mean(t, values)
+        f"{name}_{variable}": _mean(t, values)
         for name, t in tables.items()
         for variable, values in t.internal.items()
     }

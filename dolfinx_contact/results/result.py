@@ -212,7 +212,7 @@ class Result:
             "misfit": self.misfit,
             "min_det_F": self.min_det_F,
             **{
-                f"penetration_{name}": s.penetration
+                f"{name}_penetration": s.penetration
                 for name, s in self.indicators.surfaces.items()
                 if s.penetration is not None
             },

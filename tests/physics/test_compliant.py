@@ -77,7 +77,7 @@ def test_compliant_compression_has_its_closed_form(dim, cell, exponent):
         np.testing.assert_allclose(table.pressure, MODULUS * (pressed - depth), rtol=1e-10)
         penetration = result.indicators.surfaces["contact"].penetration
         assert penetration == pytest.approx(depth, rel=1e-10)
-        assert result.summary()["penetration_contact"] == penetration
+        assert result.summary()["contact_penetration"] == penetration
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,7 @@ def test_the_mean_of_a_variable_of_a_law_leaves_out_clamped_points():
     assert np.count_nonzero(~free) == 1
     mean = np.average(table.internal["beta"][free], weights=table.area[free])
     assert mean < 1.0
-    assert history.rows()[-1]["beta_contact"] == pytest.approx(mean, rel=1e-12)
+    assert history.rows()[-1]["contact_beta"] == pytest.approx(mean, rel=1e-12)
 
 
 def test_a_state_of_another_mesh_is_refused():
