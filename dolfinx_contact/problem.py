@@ -66,6 +66,7 @@ from dolfinx_contact.results.result import Result, Shown, collect
 from dolfinx_contact.results.tables import (
     ContactTable,
     contact_table,
+    contact_tables,
     forces_at_vertices,
     support_at_nodes,
 )
@@ -188,7 +189,7 @@ class ContactProblem(ReadOnly):
     solution. If it fails, they keep their values.
 
     Methods for users: `solve`, `uniqueness`, `theory` and `reduced` solve or analyse the problem;
-    `snapshot`, `restore` and `step_from` handle states; `table`, `contact_fields` and
+    `snapshot`, `restore` and `step_from` handle states; `table`, `tables`, `contact_fields` and
     `support_forces` evaluate a solution.
 
     Methods for other layers of the package: `write` and `read` copy the Functions to a vector of
@@ -274,6 +275,7 @@ class ContactProblem(ReadOnly):
         "step_from",
         "support_forces",
         "table",
+        "tables",
         "theory",
         "uniqueness",
         "write",
@@ -668,6 +670,17 @@ class ContactProblem(ReadOnly):
             eq = problem.equations
             evaluation = problem.evaluate()
             return contact_table(eq, number, evaluation, support_at_nodes(eq, evaluation))
+
+    def tables(self, *, state: State | None = None) -> dict[str, ContactTable]:
+        """Tabulate the contact points of all surfaces, by name of the surface. Collective.
+
+        Args:
+            state: state to evaluate; default: present values of the Functions.
+        """
+        with self.at(state) as problem:
+            eq = problem.equations
+            evaluation = problem.evaluate()
+            return contact_tables(eq, evaluation, support_at_nodes(eq, evaluation))
 
     def contact_fields(
         self, surface: Contact | DiscreteSurface | str, *, state: State | None = None

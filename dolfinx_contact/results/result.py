@@ -37,7 +37,7 @@ from dolfinx_contact.results.balance import (
 from dolfinx_contact.results.indicators import Indicators, indicators_of
 from dolfinx_contact.results.tables import (
     ContactTable,
-    contact_table,
+    contact_tables,
     support_at_nodes,
     violation,
 )
@@ -255,10 +255,7 @@ def collect(
     require(eq.comm, not lost, lost)
     at = (eq, evaluation) if shown is None else shown(evaluation)
     supports = support_at_nodes(*at)
-    tables = {
-        s.name: contact_table(at[0], number, at[1], supports)
-        for number, s in enumerate(eq.surfaces)
-    }
+    tables = contact_tables(*at, supports)
     energy = eq.bulk.energy_at(evaluation.u)
     energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))

@@ -53,16 +53,8 @@ def contact_fields(
     """
     s = eq.surfaces[number]
     at_vertices = vertex_state(eq, number, evaluation)
-    shares = np.stack(
-        [at_vertices["open"], 1 - at_vertices["open"] - at_vertices["slip"], at_vertices["slip"]]
-    )
-    status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    marked = fem.Function(s.points.Q)
-    clamped_nodes = eq.constraints.surfaces[number].clamped
-    marked.x.array[:] = np.repeat(clamped_nodes.astype(float), s.dim)
-    clamped = _at_vertices(s, marked)[:, 0] > 0.5
-    status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
+        clamped = at_vertices["status"] == STATUS_CODES["d"]
         for name in ("traction", "pressure", "shear"):
             at_vertices[name][clamped] = 0.0  # as in the table
     trace = s.points.vertex_nodes
@@ -74,7 +66,7 @@ def contact_fields(
         "shear": at_vertices["shear"],
         "gap": at_vertices["un"],
         "slip": at_vertices["ut"],
-        "status": status,
+        "status": at_vertices["status"],
         "support": supports / s.points.geometry.whole_areas[:, None],
     }
     answers = evaluation.surfaces[number].answers
@@ -95,10 +87,10 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 
     Returns:
         Gap ``un``, slip ``ut``, normal ``n``, ``traction`` on the body, ``pressure``, ``shear``,
-        and radius ``bound`` of the friction disc. Forces are divided by the whole vertex areas,
-        including parts without an opposing surface. ``open`` and ``slip`` are the fractions of the
-        area around a vertex with that status (0 or 1 if the vertices are the contact points); in
-        2D, ``minus`` is the fraction that slips with u_t < 0.
+        radius ``bound`` of the friction disc, and ``status``, a number of `STATUS_CODES`. Forces
+        are divided by the whole vertex areas, including parts without an opposing surface. ``open``
+        and ``slip`` are the fractions of the area around a vertex with that status (0 or 1 if the
+        vertices are the contact points); in 2D, ``minus`` is the fraction that slips with u_t < 0.
     """
     s = eq.surfaces[number]
     contact = evaluation.surfaces[number]
@@ -124,7 +116,27 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     values["shear"] = values["traction"] + values["pressure"][:, None] * values["n"]
     for name in _FORCES:
         values[name] = (points.geometry.covered * values[name].T).T
+    values["status"] = _statuses(eq, number, values["open"], values["slip"])
     return values
+
+
+def _statuses(eq: ContactEquations, number: int, is_open: Array, slips: Array) -> Array:
+    """Return the numbers of the prevailing statuses at the local vertices, shape (n,).
+
+    Args:
+        eq: contact problem.
+        number: index of the surface.
+        is_open: fraction of the area around each vertex that is open.
+        slips: fraction of the area that slips.
+    """
+    s = eq.surfaces[number]
+    shares = np.stack([is_open, 1 - is_open - slips, slips])
+    statuses = np.argmax(np.round(shares, 9), axis=0).astype(float)
+    clamped = fem.Function(s.points.Q)
+    at_nodes = eq.constraints.surfaces[number].clamped
+    clamped.x.array[:] = np.repeat(at_nodes.astype(float), s.dim)
+    statuses[_at_vertices(s, clamped)[:, 0] > 0.5] = STATUS_CODES["d"]
+    return statuses
 
 
 def _interpolated(

@@ -38,6 +38,7 @@ from dolfinx_contact.points.trace import facet_closures
 __all__ = [
     "ContactTable",
     "contact_table",
+    "contact_tables",
     "forces_at_vertices",
     "friction_bound",
     "support_at_nodes",
@@ -304,6 +305,16 @@ def contact_table(
         internal=gathered.columns(internal),
         axisymmetric=s.axisymmetric,
     )
+
+
+def contact_tables(
+    eq: ContactEquations, evaluation: Evaluation, supports: Array
+) -> dict[str, ContactTable]:
+    """Return the tables of all surfaces at a state, by name; see `contact_table`. Collective."""
+    return {
+        s.name: contact_table(eq, number, evaluation, supports)
+        for number, s in enumerate(eq.surfaces)
+    }
 
 
 def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length: float) -> float:
