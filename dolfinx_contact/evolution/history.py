@@ -22,7 +22,7 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import at_conditions
 from dolfinx_contact.results.result import Result
-from dolfinx_contact.results.tables import ContactTable, support_at_nodes
+from dolfinx_contact.results.tables import ContactTable, contact_tables, support_at_nodes
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -257,11 +257,11 @@ class History(Ends):
             number: number of the last step of earlier runs; 0 if there are none.
             problem: contact problem in the state of the start.
         """
-        tables = {s.name: problem.table(s) for s in problem.surfaces}
         with problem.at(None) as shown:
             evaluation = shown.evaluate()
             eq = shown.equations
         reactions = support_at_nodes(eq, evaluation)
+        tables = contact_tables(eq, evaluation, reactions)
         motions = [(b.name, b.components, b.values) for b in problem.rigid_bodies]
         supports = _of_supports(*at_conditions(eq, reactions, evaluation.u), motions)
         row = _at_state(number, self.start, self.start, tables, supports, self.before)

@@ -140,7 +140,7 @@ class Outside:
             self._strain = VertexMeans(self.V, {None: strain}, quadrature_degree=2)
         seen = self.gather({"strain": self._strain()})
         patches = {s.name: obstacle_facets(s) for s in law.surfaces if not s.between_bodies}
-        tables = {s.name: _columns(law.table(s)) for s in law.surfaces}
+        tables = {name: _columns(table) for name, table in law.tables().items()}
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}

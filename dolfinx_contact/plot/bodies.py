@@ -263,7 +263,7 @@ def picture_of_states(
     for point in checked:
         if isinstance(point, State):
             with of.at(point) as shown:
-                add(shown, words_of(point), [shown.table(s) for s in shown.surfaces])
+                add(shown, words_of(point), shown.tables().values())
         else:
             tables = of.result_at(point).tables
             add(of.problem, rf"$\gamma$ = {point.gamma:.4g}", tables.values())

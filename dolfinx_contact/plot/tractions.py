@@ -44,7 +44,7 @@ from dolfinx_contact.plot.figures import (
 )
 from dolfinx_contact.plot.scene import check_units
 from dolfinx_contact.results.outer_surface import Arrays, Cells
-from dolfinx_contact.results.surface_fields import contact_fields, vertex_state
+from dolfinx_contact.results.surface_fields import vertex_state
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -178,10 +178,9 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
-    codes = contact_fields(problem.equations, number, evaluation)["status"].x.array
     at_vertices = vertex_state(problem.equations, number, evaluation)
     normal, shear = at_vertices["n"], at_vertices["shear"]
-    letters = np.array(list("oksd"))[codes.astype(int)]
+    letters = np.array(list("oksd"))[at_vertices["status"].astype(int)]
     if s.dim == 2:
         senses = np.where(at_vertices["minus"] > at_vertices["slip"] / 2, "-", "+")
         letters = np.where(letters == "s", senses, letters)

@@ -153,7 +153,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         if not states:
             history = self._runs.history(state)
             history.begin(state.number, self.problem)
-            letters = "".join(self.problem.table(s).status for s in self.problem.surfaces)
+            letters = "".join(t.status for t in self.problem.tables().values())
             self._write_state(state, letters, history.first)
 
     def _require_end(self, accepted: AcceptedState) -> None:
