@@ -18,6 +18,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._compat import is_value_of
 from dolfinx_contact._mpi import (
     SharedValues,
     count_of,
@@ -153,6 +154,24 @@ class Constraints:
             bc.set(f.x.array)
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
+
+    def values_of(self, functions: Sequence[fem.Function]) -> Array:
+        """Return the values that some Functions prescribe at the local dofs, 0 at all other dofs.
+
+        A dof of several conditions belongs to the last of them. Collective.
+
+        Args:
+            functions: Functions of Dirichlet conditions.
+        """
+        f = self._read
+        f.x.array[:] = 0.0
+        for bc in self._bcs:
+            if any(is_value_of(g, bc) for g in functions):
+                bc.set(f.x.array)
+            else:
+                f.x.array[bc.dof_indices()[0]] = 0.0
+        f.x.scatter_forward()
+        return f.x.array.copy()
 
     @property
     def load(self) -> float:

@@ -112,11 +112,9 @@ class Driven:
         """Interpolate the value into the Function. Collective."""
         self.function.interpolate(self._value)
 
-    def add_rate(self) -> None:
-        """Add the derivative with respect to gamma to the Function. Collective."""
-        value = self.function.x.array.copy()
+    def set_rate(self) -> None:
+        """Interpolate the derivative with respect to gamma into the Function. Collective."""
         self.function.interpolate(self._rate)
-        self.function.x.array[:] += value
 
 
 class SurfaceRates:
@@ -218,10 +216,9 @@ def dirichlet_rates(constraints: Constraints, driven: Sequence[Driven]) -> Array
         driven: Functions of these conditions that depend on gamma.
     """
     values = [d.function.x.array.copy() for d in driven]
-    before = constraints.values(fill=0.0)
     for d in driven:
-        d.add_rate()
-    after = constraints.values(fill=0.0)
+        d.set_rate()
+    rates = constraints.values_of([d.function for d in driven])
     for d, value in zip(driven, values, strict=True):
         d.function.x.array[:] = value
-    return (after - before).reshape(-1)
+    return rates
