@@ -149,9 +149,11 @@ class Answers:
     def _nearest(self) -> tuple[Codes, Array]:
         """Status of each point, and distance to the nearest border of this status."""
         distance, _, exists = self._table
-        least = np.where(exists, distance.min(axis=2, initial=np.inf), _ABSENT)
-        least[np.isnan(least)] = -np.inf  # smaller than for absent statuses
-        # Choose the first status within all of its borders, otherwise the nearest one.
+        least = distance.min(axis=2, initial=np.inf)
+        # A status with a distance of NaN counts as absent.
+        least = np.where(exists & ~np.isnan(least), least, _ABSENT)
+        # Choose the first status within all of its borders, otherwise the nearest one. If all are
+        # absent, argmax is 0: the first status, with a distance that `missed` reports.
         beyond = least >= 0
         first = np.where(beyond.any(axis=1), beyond.argmax(axis=1), least.argmax(axis=1))
         worst = least[np.arange(len(least)), first]
