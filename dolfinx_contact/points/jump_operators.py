@@ -226,9 +226,12 @@ def rows_of(A: PETSc.Mat) -> NodeWeights:
     A.destroy()
     counts = np.diff(indptr)
     width = int(counts.max(initial=1))
-    place = indptr[:-1, None] + np.clip(counts[:, None] - 1, 0, np.arange(width))
+    entry = np.arange(width)
+    present = entry < counts[:, None]
+    # shorter rows repeat their last entry with the weight 0
+    last = np.maximum(counts[:, None] - 1, 0)
+    place = indptr[:-1, None] + np.minimum(entry, last)
     nodes = np.append(columns, 0)[place].astype(np.int64)
-    present = np.arange(width) < counts[:, None]
     return NodeWeights(nodes, np.where(present, np.append(values, 0.0)[place], 0.0))
 
 
