@@ -14,7 +14,7 @@ import scipy
 from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Indices, Mask
-from dolfinx_contact._geometry import connected_parts, dot, in_space, node_positions
+from dolfinx_contact._geometry import connected_parts, dot, in_space, node_positions, transformed
 from dolfinx_contact._mpi import largest, maximum, require, total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.cells import vertex_moments
@@ -257,7 +257,7 @@ class Parts:
         columns = []
         for a in fields:
             forces = product(K, a.reshape(-1)).reshape(-1, dim)
-            columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
+            columns.append(np.stack([dot(b, forces) for b in fields], axis=1))
         return self.sums(np.stack(columns, axis=2))
 
     # -- displacements ---------------------------------------------------------------------------
@@ -282,7 +282,7 @@ class Parts:
         squares = dot(here, here)[:, None, None] * np.eye(3)
         inertia = self.sums(squares - here[:, :, None] * here[:, None, :])
         momentum = self.sums(np.asarray(np.cross(here, moved), np.float64))
-        turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
+        turns = transformed(np.linalg.pinv(inertia, hermitian=True), momentum)
         return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
     def differences(self, nodes: Array, u: Array) -> tuple[Array, Array]:

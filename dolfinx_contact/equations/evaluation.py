@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Mask
+from dolfinx_contact._geometry import dot, transformed
 from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws import Answers, FrozenBonds, PointData
 from dolfinx_contact.laws.status import STICK
@@ -98,8 +99,8 @@ class SurfaceEvaluation:
         e = self.driven
         if e is None:
             return rate
-        slope = _friction_slope(self.answers, self.statuses, e)
-        rest = 1.0 - np.sum(e * slope, axis=1)
+        slope = transformed(self.answers.by_traction(self.statuses), e)
+        rest = 1.0 - dot(e, slope)
         factor = slope / np.where(rest > _SINGULAR, rest, np.inf)[:, None]
         return np.asarray(rate + np.einsum("ni,nj,nj...->ni...", factor, e, rate))
 
@@ -173,9 +174,9 @@ class SurfaceEvaluation:
         Args:
             step: change of the jumps, shape (n, dim).
         """
-        rate = np.einsum("nij,nj->ni", self.by_jump, step)
+        rate = transformed(self.by_jump, step)
         if self.answers.spreading is not None:
-            around = self.answers.spreading.average(np.sum(self.spread_by[0] * step, axis=1))
+            around = self.answers.spreading.average(dot(self.spread_by[0], step))
             rate += self.by_around * around[:, None]
         return rate
 
@@ -192,7 +193,7 @@ class SurfaceEvaluation:
         rate = self.along(operator.rate(v))
         turned = operator.normal_rate(v)
         if turned is not None:
-            rate += np.einsum("nij,nj->ni", self.by_normal, turned)
+            rate += transformed(self.by_normal, turned)
         return rate if operator.share is None else operator.share[:, None] * rate
 
 
@@ -232,17 +233,12 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
     return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]
 
 
-def _friction_slope(answers: Answers, statuses: Codes, e: Array) -> Array:
-    """Return the derivative of tau per traction along e at each point, shape (n, dim)."""
-    return np.einsum("nij,nj->ni", answers.by_traction(statuses), e)
-
-
 def _turning(n: Array, v: Array) -> Array:
     """Return the matrices of the maps from dn to (n x dn) x v, shape (points, dim, dim).
 
     (n x dn) x v = dn (n.v) - n (dn.v) is the change of a vector v that turns with the normal n.
     """
-    along = np.sum(n * v, axis=1)[:, None, None]
+    along = dot(n, v)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
 
@@ -355,7 +351,7 @@ class SurfaceTerm:
         e = self.driven_directions
         if e is None:
             return None
-        slip = at.data.r * np.abs(np.sum(e * at.jump, axis=1))
+        slip = at.data.r * np.abs(dot(e, at.jump))
         slips = slip > _NO_SLIP * np.fmax(answers.bound, 0.0)
         return np.where(slips[:, None], e, 0.0) if slips.any() else None
 
@@ -375,11 +371,11 @@ class SurfaceTerm:
             answers: answers of the law to ``traction``.
         """
         bound = np.fmax(answers.bound, 0.0)
-        T = -np.sign(np.sum(e * at.jump, axis=1)) * bound
+        T = -np.sign(dot(e, at.jump)) * bound
         for _ in range(_STEPS):
             codes, answers = self._law(at, traction + T[:, None] * e, statuses)
-            off = T - np.sum(e * answers.traction(codes), axis=1)
-            rest = 1.0 - np.sum(e * _friction_slope(answers, codes, e), axis=1)
+            off = T - dot(e, answers.traction(codes))
+            rest = 1.0 - dot(e, transformed(answers.by_traction(codes), e))
             left = (rest > _SINGULAR) & (np.abs(off) > _ACCURACY * np.maximum(np.abs(T), bound))
             if not left.any():
                 break
@@ -400,7 +396,7 @@ class SurfaceTerm:
             return evaluation.surfaces[self.number].kinematics.gap
         nodes = self.relative(evaluation.u, evaluation.q)
         jumps = (nodes - s.opposite(nodes))[s.points.trace_nodes[: s.points.number]]
-        return np.asarray(s.points.gaps - np.sum(jumps * s.points.data.n, axis=1))
+        return np.asarray(s.points.gaps - dot(jumps, s.points.data.n))
 
     def memory_after(self, evaluation: Evaluation) -> Memory:
         """Return the memory after a step ending in a state. Not collective."""
@@ -552,6 +548,6 @@ class RigidTerm(SurfaceTerm):
         contact, rigid = evaluation.surfaces[self.number], self.body.kinematics
         turning = rigid.spin(self.motion(evaluation.q)) @ self.motion(dq)[self.surface.dim :]
         turned = rigid.crossed(turning, contact.law_traction)
-        back = np.einsum("nij,nj->ni", contact.by_traction, turned)
+        back = transformed(contact.by_traction, turned)
         along = contact.complete(rigid.crossed(turning, contact.answer))
         rows.laws[self.number] = rows.laws[self.number] - along + back

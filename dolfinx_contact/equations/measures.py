@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
+from dolfinx_contact._geometry import dot, tangential
 from dolfinx_contact._mpi import any_rank, largest, maximum, sorted_rows
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
@@ -245,9 +246,8 @@ def _of_surface(
     area = points.areas
     n = contact.data.n
     rows = rows.reshape(-1, s.dim)
-    normal = np.sum(rows * n, axis=1)
-    along = np.abs(normal)
-    across = np.linalg.norm(rows - normal[:, None] * n, axis=1)
+    along = np.abs(dot(rows, n))
+    across = np.linalg.norm(tangential(rows, n), axis=1)
     touching = closed(contact.statuses)
     stuck = senses(contact.statuses) == STICK
     # The shear residual of a slipping point divided by r is a length, too: the error of the slip
@@ -334,7 +334,7 @@ def without_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
         place = contact.kinematics.place
         if place is None:
             continue
-        fall = np.sum(contact.kinematics.gap_slope * data.n, axis=1)
+        fall = dot(contact.kinematics.gap_slope, data.n)
         lost = ~np.isfinite(fall + contact.kinematics.gap) | (
             closed(contact.statuses) & (fall > _STEEPEST)
         )

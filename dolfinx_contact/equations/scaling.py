@@ -18,6 +18,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._geometry import dot, tangential
 from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import Parts, loose
@@ -218,14 +219,14 @@ class Scaling:
             zip(self._surfaces, statuses, self._jumps, strict=True)
         ):
             n = s.points.data.n if evaluation is None else evaluation.surfaces[i].data.n
-            normal = np.einsum("and,nd->an", jumps, n)
-            along = jumps - normal[:, :, None] * n[None]
+            normal = dot(jumps, n)
+            along = tangential(jumps, n)
             grips = closed(codes) if s.law.creeps else senses(codes) == STICK
             if evaluation is not None and s.dim == 3:
                 shear = _direction(evaluation.surfaces[i].law_traction, n)
                 slips = ~grips & closed(codes) & shear.any(axis=1)
                 across = np.where(slips[:, None], shear, 0.0)
-                along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
+                along = tangential(along, across)
                 grips |= slips
             along *= grips[None, :, None]
             gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
@@ -249,7 +250,7 @@ def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
 
 def _direction(traction: Array, n: Array) -> Array:
     """Return unit vectors along the shear, 0 at points without shear, shape (n, dim)."""
-    shear = traction - np.sum(traction * n, axis=1)[:, None] * n
+    shear = tangential(traction, n)
     size = np.linalg.norm(shear, axis=1, keepdims=True)
     least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)
     return np.divide(shear, size, out=np.zeros_like(shear), where=size > least)

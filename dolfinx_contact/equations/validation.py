@@ -22,7 +22,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._geometry import rounded
+from dolfinx_contact._geometry import dot, rounded
 from dolfinx_contact._mpi import (
     all_ranks,
     anywhere,
@@ -332,7 +332,7 @@ def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
     # contact points nearest to the obstacle whose normal points against the outward normal
     n = s.points.data.n
     outward = s.points.outward(np.zeros_like(s.node_positions))
-    against = np.sum(n * outward, axis=1) < _AGAINST
+    against = dot(n, outward) < _AGAINST
     tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
     # The order of coordinates makes the reported place the same on any number of ranks.
     tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]

@@ -50,7 +50,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._geometry import dot, unit
+from dolfinx_contact._geometry import dot, tangential, unit
 from dolfinx_contact._mpi import any_rank, anywhere, maximum, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
@@ -662,7 +662,7 @@ def _of_pair(
     # slips of points that are closed or transmit a traction across a gap, as bonds do
     size = np.linalg.norm(contact.traction, axis=1)
     acting = touching | ((size > _CARRYING * maximum(s.comm, size)) & ~clamped)
-    along = np.linalg.norm(jump - dot(jump, n)[:, None] * n, axis=1)
+    along = np.linalg.norm(tangential(jump, n), axis=1)
     area = s.comm.allreduce(float(s.points.areas.sum()))
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
     # normals

@@ -18,7 +18,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._geometry import along_tangent
+from dolfinx_contact._geometry import along_tangent, dot, tangential
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
@@ -112,8 +112,8 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         at_points = {"un": at.gap, "ut": at.slip, "n": at.data.n, "traction": contact.traction}
         at_points["bound"] = bound
         values |= {k: points.exchange.from_owners(v) for k, v in at_points.items()}
-    values["pressure"] = -np.sum(values["traction"] * values["n"], axis=1)
-    values["shear"] = values["traction"] + values["pressure"][:, None] * values["n"]
+    values["pressure"] = -dot(values["traction"], values["n"])
+    values["shear"] = tangential(values["traction"], values["n"])
     for name in _FORCES:
         values[name] = (points.geometry.covered * values[name].T).T
     values["status"] = _statuses(eq, number, values["open"], values["slip"])
@@ -146,10 +146,7 @@ def _interpolated(
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_nodes]
     gap, n = s.at_vertices(u)
-    if s.displaced is None:
-        slip = u - np.sum(u * n, axis=1)[:, None] * n
-    else:
-        slip = s.points.at_vertices(slip_at_points)
+    slip = tangential(u, n) if s.displaced is None else s.points.at_vertices(slip_at_points)
     return {"un": gap, "ut": slip, "n": n, "traction": _at_vertices(s, s.multiplier)}
 
 

@@ -24,7 +24,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._compat import FacetSubmesh
-from dolfinx_contact._geometry import Gathered, along_tangent, in_space
+from dolfinx_contact._geometry import Gathered, along_tangent, dot, in_space, tangential
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
@@ -132,12 +132,12 @@ class ContactTable:
     @property
     def rn(self) -> Array:
         """Normal forces, positive in compression, shape (n,)."""
-        return -np.sum(self.force * self.n, axis=1) + 0.0
+        return -dot(self.force, self.n) + 0.0
 
     @property
     def rt(self) -> Array:
         """Tangential forces, shape (n, dim)."""
-        return self.force + self.rn[:, None] * self.n
+        return tangential(self.force, self.n)
 
     @property
     def beta(self) -> Array | None:
@@ -149,14 +149,14 @@ class ContactTable:
         """Normal forces of adhesion, negative in tension, shape (n,)."""
         if self.adhesion is None:
             return np.zeros_like(self.un)
-        return -np.sum(self.adhesion * self.n, axis=1) + 0.0
+        return -dot(self.adhesion, self.n) + 0.0
 
     @property
     def friction(self) -> Array:
         """Tangential forces without adhesion, shape (n, dim)."""
         if self.adhesion is None:
             return self.rt
-        return np.asarray(self.rt - self.adhesion - self.rn_adh[:, None] * self.n)
+        return self.rt - tangential(self.adhesion, self.n)
 
     @property
     def status(self) -> str:
@@ -266,7 +266,7 @@ def contact_table(
         bound = np.where(guided, 0.0, bound)
         moved = _letters_of_motion(at.increment, normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
-    pressure = -np.sum(traction * normal, axis=1) + 0.0
+    pressure = -dot(traction, normal) + 0.0
     gap = at.gap + 0.0
     opposite = s.obstacle.opposite
     absent = at.operator.absent
@@ -283,7 +283,7 @@ def contact_table(
         "n": normal,
         "force": traction * area[:, None],
         "pressure": pressure,
-        "shear": traction + pressure[:, None] * normal,
+        "shear": tangential(traction, normal),
         "letters": letters,
         "bound": bound,
         "support": support,
