@@ -647,7 +647,7 @@ class ContactProblem(ReadOnly):
         as the Functions are unchanged. Otherwise it is the law of this problem.
         """
         written = self._last_write()
-        if written is None or any(memory is not None for memory in self.equations.memory):
+        if written is None or not self.equations.is_static:
             return self
         return self.with_memory(written.previous)
 

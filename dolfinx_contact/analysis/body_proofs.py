@@ -230,7 +230,7 @@ def _by_criterion(
 ) -> Uniqueness:
     """Decide uniqueness by Renard's criterion (`renard`). Collective."""
     laws = {type(s.law) for s in equations.surfaces}
-    nodal = all(s.points.E is None and s.rigid_body is None for s in equations.surfaces)
+    nodal = not equations.is_weak and all(s.rigid_body is None for s in equations.surfaces)
     if not nodal or Coulomb not in laws or not laws <= set(_LAWS):
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
     if _points(equations) > _MOST_POINTS and not seconds > 0:

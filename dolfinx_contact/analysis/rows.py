@@ -224,7 +224,7 @@ def require_nodes(eq: ContactEquations) -> None:
         for fits, need in (
             (s.rigid_body is None, "rigid bodies with unknowns are not supported"),
             (s.linear, "this needs small sliding"),
-            (s.points.E is None, f"this needs nodal or mixed contact, got {s.method}"),
+            (not s.is_weak, f"this needs nodal or mixed contact, got {s.method}"),
             (s.law.averaging is None, f"this needs a local law, got {s.law.name}"),
             (
                 not s.law_at_points.compiled.bonded,

@@ -35,7 +35,7 @@ def theory_of(eq: ContactEquations) -> Theory:
         (eq.bulk.linear, "the body is not linear"),
         (eq.linear, "gap and normal depend on the displacement"),
         (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
-        (all(s.points.E is None for s in eq.surfaces), "the law does not hold node by node"),
+        (not eq.is_weak, "the law does not hold node by node"),
         (eq.rigid.size == 0, "a rigid body moves"),
         (len(eq.scaling.loose) == 0, "a body is not held by Dirichlet data"),
     ):

@@ -31,7 +31,7 @@ from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.points.trace import facet_closures, nodes_on
 
 __all__ = ["Constraints", "Ramp", "SurfaceConstraints", "require_no_common_facets"]
 
@@ -74,6 +74,8 @@ class SurfaceConstraints:
             with quadratic displacement and linear multipliers it is a mean over the facets of a
             vertex.
         removed: mask of the removed multiplier components, shape (local multiplier nodes, dim).
+        clamped_points: mask of the contact points at nodes whose multiplier components are all
+            removed, shape (n,); False at Gauss points.
         owned: number of owned multiplier nodes.
         normals: normals at the local vertices from which the removed components were determined.
     """
@@ -81,6 +83,7 @@ class SurfaceConstraints:
     fixed_nodes: Mask
     fixed_jumps: Mask
     removed: Mask
+    clamped_points: Mask
     owned: int
     normals: Array
 
@@ -262,7 +265,11 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
     require(s.comm, left > 0, _why_none_is_left(s))
     if displacement_degree > multiplier_degree:
         _require_free_nodes(s, at_nodes, left)
-    return SurfaceConstraints(at_nodes, jumps, removed, owned, s.points.vertex_normals.copy())
+    clamped = np.zeros(s.points.number, dtype=bool)
+    if not s.is_weak:
+        clamped = removed.all(axis=1)[: s.points.number]
+    normals = s.points.vertex_normals.copy()
+    return SurfaceConstraints(at_nodes, jumps, removed, clamped, owned, normals)
 
 
 def _fixed_at_nodes(s: DiscreteSurface, fixed: Mask) -> Mask:
@@ -344,7 +351,7 @@ def _require_free_nodes(s: DiscreteSurface, fixed: Mask, multipliers: int) -> No
     pressures would not be unique.
     """
     V = s.u.function_space
-    on_face = SharedValues(V.dofmap.index_map).marked(facet_closures(V, s.submesh.parent_facets))
+    on_face = nodes_on(V, s.submesh.parent_facets)
     n = V.dofmap.index_map.size_local
     free = count_of(s.comm, on_face[:n] & ~fixed[:n].all(axis=1))
     require(

@@ -94,6 +94,7 @@ class ContactEquations:
         nodes: positions of the local nodes of the displacement, shape (n, dim).
         axisymmetric: whether the body is a body of revolution.
         linear: whether H is linear in the displacement as long as no status changes.
+        is_weak: whether the law of a surface holds weakly (integral method).
         warnings: warnings about the data, by name (`warn`).
     """
 
@@ -122,6 +123,7 @@ class ContactEquations:
         require_no_common_facets(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
+        self.is_weak = any(s.is_weak for s in self.surfaces)
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.constraints = Constraints(V, self.surfaces, bcs, self.rigid)
         self.fixed = self.constraints.fixed.reshape(-1)
@@ -364,6 +366,11 @@ class ContactEquations:
     def memory(self) -> tuple[Memory | None, ...]:
         """Memory of each surface at the beginning of the step; None under the static law."""
         return tuple(term.memory for term in self.terms)
+
+    @property
+    def is_static(self) -> bool:
+        """Whether friction opposes the total slip on all surfaces (the static law)."""
+        return all(term.memory is None for term in self.terms)
 
     def warn(self, name: str, text: str) -> None:
         """Keep a warning about the data for the results, and log a new one on rank 0.

@@ -336,7 +336,7 @@ class SurfaceTerm:
         nonlocal laws, and if several multipliers act at a point. Not collective.
         """
         s = self.surface
-        local = s.points.E is None and s.law.averaging is None
+        local = not s.is_weak and s.law.averaging is None
         if s.dim == 2 or not local or STICK not in s.law_at_points.codes:
             return None
         removed = self.removed.reshape(-1, s.dim)[: s.points.number]

@@ -215,8 +215,7 @@ def local_displacement(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness
         return 0.0
     traction = np.linalg.norm(contact.traction, axis=1)
     # Gauss points belong to several vertices; the largest stiffness gives the strictest test.
-    nodal = s.points.E is None
-    resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
+    resists = float(stiffness.max()) if s.is_weak else stiffness[: len(traction)]
     moved = np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0)
     return float(moved.max(initial=0.0))
 
@@ -237,7 +236,7 @@ def _of_surface(
     points = s.points
     overlap = np.max(-points.vertex_gaps, initial=0.0)
     moved = float(np.max([local_displacement(s, contact, stiffness), overlap]))
-    if points.E is not None:
+    if s.is_weak:
         area = points.geometry.vertex_areas
         unit, size, traction, width = _largest(
             (points.r * area,), (rows,), (contact.traction,), (area,)

@@ -97,15 +97,7 @@ class ParametricEquations(System):
         self._rigid_rates = RigidRates(equations.rigid, rate)
         self._metric: PETSc.Mat | None = None
         counts = [s.points.number for s in equations.surfaces]
-        pairs = zip(equations.surfaces, equations.constraints.surfaces, strict=True)
-        self.clamped = np.concatenate(
-            [
-                np.zeros(s.points.number, dtype=bool)
-                if s.method == "integral"
-                else c.clamped[: s.points.number]
-                for s, c in pairs
-            ]
-        )
+        self.clamped = np.concatenate([c.clamped_points for c in equations.constraints.surfaces])
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
         body = equations.bulk
         driven_by = [d.not_affine for d in self._driven]

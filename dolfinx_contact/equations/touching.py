@@ -90,7 +90,7 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
     for term, gap in zip(eq.terms, gaps, strict=True):
         s = term.surface
         at_vertices = gap
-        if s.method == "integral":
+        if s.is_weak:
             nodes = term.relative(evaluation.u, evaluation.q)
             jump = (nodes - s.opposite(nodes))[s.points.vertex_nodes]
             at_vertices = s.at_vertices(jump)[0]

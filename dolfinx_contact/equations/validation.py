@@ -139,7 +139,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     same_everywhere(eq.comm, "data of the problem", Constants=lambda: _constants(eq))
     if validate_data(eq):
         _warn_of_dragging(eq)
-        if not any(eq.memory):  # in an evolution, `results.indicators` measures this
+        if eq.is_static:  # in an evolution, `results.indicators` measures this
             check_sides(eq)
     _warn_of_friction(eq)
     # the start, and H there

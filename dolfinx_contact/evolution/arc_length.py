@@ -271,7 +271,7 @@ class PathStepper(Stepper):
         super().__init__(given.problem, lambda _: None, None)
         self._given = given
         self.system = given
-        self._weak = any(s.points.E is not None for s in self.problem.surfaces)
+        self._weak = self.problem.equations.is_weak
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
         accepted = super().start(time, given)

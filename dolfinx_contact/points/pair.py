@@ -75,7 +75,7 @@ class DiscretePair(DiscreteSurface):
         )
         matching = self._apart.matching
         given = crossing
-        if self.method != "integral" and self.degrees.displacement == 1 and not matching:
+        if not self.is_weak and self.degrees.displacement == 1 and not matching:
             given = crossing | clamped_ends(V, self._apart, fixed)[trace]
         idle = np.all(resting(V, self._apart, fixed)[trace], axis=1)
         given = self.points.give(given, idle & ~given)

@@ -350,6 +350,11 @@ class DiscreteSurface(ReadOnly):
         return operator
 
     @property
+    def is_weak(self) -> bool:
+        """Whether the law holds weakly, at Gauss points, instead of at each node."""
+        return self.method == "integral"
+
+    @property
     def linear(self) -> bool:
         """Whether gap and slip are linear in the displacement."""
         return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
@@ -434,7 +439,7 @@ class DiscreteSurface(ReadOnly):
             u: displacement of the local nodes, equal to the values of the displacement Function,
                 shape (nodes, dim).
         """
-        if self.method != "integral":
+        if not self.is_weak:
             return u[self.points.vertex_nodes[: self.points.number]]
         return self.points.own(self._displacement_at_points)["u"]
 

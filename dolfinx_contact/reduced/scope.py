@@ -22,7 +22,7 @@ def check_reducible(eq: ContactEquations) -> None:
     """Raise `ValueError` unless a problem can be reduced to a `PointProblem`. Collective."""
     laws = [s.law for s in eq.surfaces]
     known = all(law.bound_kind in ("proportional", "given") for law in laws)
-    alone = all(s.points.E is None for s in eq.surfaces)
+    alone = not eq.is_weak
     parts = [
         (c.removed.any(axis=1) & ~c.clamped)[: s.points.number]
         for s, c in zip(eq.surfaces, eq.constraints.surfaces, strict=True)
@@ -99,7 +99,7 @@ def _obstacle_at_points(system: ParametricEquations) -> str:
     points = eq.comm.allreduce(int((~system.clamped).sum()))
     for obstructs, what in (
         (not system._fixed_laws, "a law or an obstacle depends on gamma"),
-        (any(s.points.E is not None for s in eq.surfaces), "contact is not at nodes"),
+        (eq.is_weak, "contact is not at nodes"),
         (not all(s.linear for s in eq.surfaces), "sliding is not small"),
         (points > _MOST_POINTS, f"there are more than {_MOST_POINTS} contact points"),
         (points == 0, "no contact point is free"),

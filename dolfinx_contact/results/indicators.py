@@ -382,7 +382,7 @@ def _apart(eq: ContactEquations, evaluation: Evaluation) -> float | None:
     The faces of a crack, and a face that may touch itself, belong to one body and may stay open.
     Displacements and gaps that are round-off of the body size count as zero.
     """
-    if any(memory is not None for memory in eq.memory):
+    if not eq.is_static:
         return None
     _, none = least_scales(eq, 0.0)
     moved, acting, gaps = bool(np.any(np.abs(evaluation.u) > none)), False, []
@@ -496,14 +496,8 @@ def _contacts(
     eq: ContactEquations, evaluation: Evaluation
 ) -> list[tuple[DiscreteSurface, SurfaceEvaluation, Mask]]:
     """Return surfaces, their evaluations, and masks of the points clamped by Dirichlet data."""
-    found = []
-    parts = zip(eq.surfaces, eq.constraints.surfaces, evaluation.surfaces, strict=True)
-    for s, constraints, contact in parts:
-        n = len(contact.statuses)
-        none = np.zeros(n, dtype=bool)
-        clamped = none if s.method == "integral" else constraints.clamped[:n]
-        found.append((s, contact, clamped))
-    return found
+    clamped = [c.clamped_points for c in eq.constraints.surfaces]
+    return list(zip(eq.surfaces, evaluation.surfaces, clamped, strict=True))
 
 
 def _negative_bound(

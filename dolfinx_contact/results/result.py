@@ -263,9 +263,8 @@ def collect(
     forces = balance(eq, evaluation, tables.values(), supports)
     reactions, displacements = at_conditions(at[0], supports, at[1].u)
     violated = violation(eq, evaluation, *scales)
-    weak = any(s.points.E is not None for s in eq.surfaces)
     warnings = dict(eq.warnings)
-    if not weak and not violated <= _LARGEST_VIOLATION:
+    if not eq.is_weak and not violated <= _LARGEST_VIOLATION:
         warnings["law"] = (
             f"the law of contact is violated by {violated:.1e} of the forces: "
             "either the law has no status for some states, or snes_rtol is too large"
@@ -295,7 +294,7 @@ def collect(
         ),
         indicators_of(*at),
         Named(rigid_body_results(eq, evaluation)),
-        all(memory is None for memory in eq.memory),
+        eq.is_static,
         warnings,
     )
 

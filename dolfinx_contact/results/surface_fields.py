@@ -53,7 +53,7 @@ def contact_fields(
     """
     s = eq.surfaces[number]
     at_vertices = vertex_state(eq, number, evaluation)
-    if s.method != "integral":
+    if not s.is_weak:
         clamped = at_vertices["status"] == STATUS_CODES["d"]
         for name in ("traction", "pressure", "shear"):
             at_vertices[name][clamped] = 0.0  # as in the table
@@ -105,7 +105,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         moved = along_tangent(at.increment, at.data.n)
         shares["minus"] = slips & np.where(bound > 0, friction == MINUS, moved < 0)
     values = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
-    if s.method == "integral":
+    if s.is_weak:
         values |= _interpolated(eq, s, evaluation, at.slip)
         values["bound"] = points.at_vertices(bound)
     else:

@@ -255,9 +255,9 @@ def contact_table(
     letters = _letters(s, contact)
     bound = friction_bound(s, contact) * area
     support = np.zeros_like(traction)
-    if s.method != "integral":
+    if not s.is_weak:
         constraints = eq.constraints.surfaces[number]
-        clamped = constraints.clamped[:n]
+        clamped = constraints.clamped_points
         letters = np.where(clamped, "d", letters)
         traction = np.where(clamped[:, None], 0.0, traction)
         trace = s.points.vertex_nodes
@@ -272,7 +272,7 @@ def contact_table(
     absent = at.operator.absent
     if absent is not None:
         gap[absent] = np.nan
-    elif s.method != "integral" and opposite is not None and not opposite.matching:
+    elif not s.is_weak and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_nodes[:n]]] = np.nan
     columns: dict[str, npt.NDArray[Any]] = {
         "x": s.points.positions,
@@ -341,13 +341,10 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
         admissible = answers.holds(contact.statuses)
         codes = np.where(admissible, contact.statuses, answers.required)
         off = (contact.traction - answers.traction(codes)) * points.areas[:, None]
-        if s.method != "integral":
-            constraints = eq.constraints.surfaces[number]
+        constraints = eq.constraints.surfaces[number]
+        if not s.is_weak:
             off[constraints.removed[: points.number]] = 0.0
-            missed = np.where(constraints.clamped[: points.number], 0.0, answers.missed)
-        else:
-            missed = answers.missed
-        missed = np.where(admissible, 0.0, missed)
+        missed = np.where(admissible | constraints.clamped_points, 0.0, answers.missed)
         share = contact.kinematics.operator.share
         if share is not None:  # partly covered nodes have another condition
             off = np.where((share < 1.0)[:, None], contact.off * points.areas[:, None], off)

@@ -323,9 +323,8 @@ def strategies(
     from dolfinx_contact.solvers.load_following import follow_load
 
     # In the integral method r is part of the discretisation, and a forced r is kept.
-    weak = any([s.points.E is not None for s in eq.surfaces])
-    made = partial(_Strategy, automatic=not weak)
-    if eq.forced_r is not None and not weak:
+    made = partial(_Strategy, automatic=not eq.is_weak)
+    if eq.forced_r is not None and not eq.is_weak:
         yield made("full steps with the automatic r", Newton.run, is_newton=True)
     if any([s.law.weakens for s in eq.surfaces]):
         yield made("bonds released in turn", release_bonds, limit=2000.0)
