@@ -60,7 +60,7 @@ def mesh_mark(domain: mesh.Mesh) -> int:
 
 
 def node_positions(V: fem.FunctionSpace) -> Array:
-    """Return the positions of the local nodes of a space, ghosts included, shape (nodes, 3).
+    """Return the positions of the local nodes of a space, ghosts included, shape (nodes, dim).
 
     Not collective. The array is read-only and cached.
     """
@@ -68,7 +68,7 @@ def node_positions(V: fem.FunctionSpace) -> Array:
     space, mark, x = _positions.get(key, (None, 0, np.zeros((0, 3))))
     now = mesh_mark(V.mesh)
     if space is None or space() is not V or mark != now:
-        x = V.tabulate_dof_coordinates()
+        x = np.ascontiguousarray(V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim])
         x.flags.writeable = False
         _positions[key] = weakref.ref(V, lambda _: _positions.pop(key, None)), now, x
     return x

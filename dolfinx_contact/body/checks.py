@@ -217,7 +217,7 @@ def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
     if len(bcs) < 2:
         return ""
     bs = V.dofmap.index_map_bs
-    x = rounded(node_positions(V)[:, : V.mesh.geometry.dim])
+    x = rounded(node_positions(V))
     values = np.full(bs * len(x), np.nan)
     rows = []  # condition, place, earlier value, value
     for number, bc in enumerate(bcs):

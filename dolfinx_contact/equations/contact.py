@@ -41,7 +41,7 @@ import numpy as np
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import mesh_mark, node_positions
+from dolfinx_contact._geometry import mesh_mark
 from dolfinx_contact._mpi import any_rank, anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
@@ -91,7 +91,6 @@ class ContactEquations:
         fixed: mask of the local displacement dofs that Dirichlet data fix.
         scaling: typical stiffness, augmentation parameters and loose motions.
         body_size: diagonal of the bounding box of the body, a length.
-        nodes: positions of the local nodes of the displacement, shape (n, dim).
         axisymmetric: whether the body is a body of revolution.
         linear: whether H is linear in the displacement as long as no status changes.
         is_weak: whether the law of a surface holds weakly (integral method).
@@ -117,7 +116,6 @@ class ContactEquations:
         self.bcs = list(bcs)
         self.options = options
         self._mesh_mark = mesh_mark(V.mesh)
-        self.nodes = node_positions(V)[:, : self.dim]
         low, high = bounding_box(self.comm, V.mesh.geometry.x)
         self.body_size = float(np.linalg.norm(high - low))
         require_no_common_facets(self.surfaces)

@@ -20,7 +20,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._geometry import Gathered, node_positions
+from dolfinx_contact._geometry import Gathered, in_space, node_positions
 from dolfinx_contact._mpi import require
 from dolfinx_contact._petsc import destroy, product
 from dolfinx_contact._validate import located
@@ -381,7 +381,7 @@ class ParametricEquations(System):
             bs = V.dofmap.index_map_bs
             n = V.dofmap.index_map.size_local
             # functions of the coordinates depend neither on numbering nor on ranks
-            places = node_positions(V)[:n] / eq.body_size
+            places = in_space(node_positions(V)[:n]) / eq.body_size
             phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
             parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
         parts.append(np.sin(43.7585 * (seed + np.arange(eq.rigid.owned))))

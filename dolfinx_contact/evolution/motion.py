@@ -523,7 +523,7 @@ class HeldNodes:
         V = self._problem.V
         bs = V.dofmap.index_map_bs
         size = self._problem.equations.body_size
-        nodes = np.round(node_positions(V)[:, :bs] / size, 9) * size + 0.0
+        nodes = np.round(node_positions(V) / size, 9) * size + 0.0
         local = [
             (nodes[i // bs].tolist(), int(i % bs), float(values[i]), float(data[i]))
             for i in np.flatnonzero(off == worst)

@@ -20,7 +20,7 @@ import ufl
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import in_space, node_positions
 from dolfinx_contact.points.trace import facet_closures, vertex_numbers
 from dolfinx_contact.results.outer_surface import Arrays, Cells, OuterSurface, SurfaceState
 
@@ -284,7 +284,7 @@ def _gather_cells(
         On rank 0: ``cells``, the numbers ``nodes`` and coordinates ``x`` of their nodes, and
         ``values``. On other ranks: an empty dictionary.
     """
-    at_corners = {"x": node_positions(V), **values}
+    at_corners = {"x": in_space(node_positions(V)), **values}
     parts = comm.gather(
         {"cells": numbers[cells], **{name: v[cells] for name, v in at_corners.items()}}
     )

@@ -225,7 +225,7 @@ class DisplacedPoints:
         points = self._points
         given = {"width": points.geometry.facet_widths, "out": ufl.FacetNormal(self._domain)}
         here, there = points.own(points.evaluator(given)), points.vertex_evaluator(given)()
-        x = node_positions(points.vertices)[:, : points.dim]
+        x = node_positions(points.vertices)
         gaps = self._started(points.positions, here, points.removed_overlap, most)
         return gaps, self._started(x, there, points.removed_at_vertices, most)
 

@@ -253,7 +253,7 @@ class _BothFaces:
     @property
     def x(self) -> Array:
         """Positions of the local nodes, shape (n, dim)."""
-        return node_positions(self.V)[:, : self.V.mesh.geometry.dim]
+        return node_positions(self.V)
 
     def normals(self, V: fem.FunctionSpace) -> Array:
         """Return normals of the slave at local nodes, zero elsewhere. Collective."""

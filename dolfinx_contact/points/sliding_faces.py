@@ -182,7 +182,7 @@ class SlidingFaces:
         self._facets = slave
         self.corners = slave.corners
         self.slave_nodes = slave.nodes
-        self._X = node_positions(V)[:, : self.dim].copy()
+        self._X = node_positions(V)
         self._reference = slave.reference
         axis = {0: 0.0} if axisymmetric else {}
         self.master = Master(V, opposite.master_facets, axis | dict(opposite.planes))

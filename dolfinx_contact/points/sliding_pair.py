@@ -199,14 +199,13 @@ class SlidingFacets(Obstacle):
         planes, depth = contact.symmetry or {}, contact.search_distance
         direction = np.asarray(contact.direction) if isinstance(contact, SelfContact) else None
         comm = V.mesh.comm
-        dim = V.mesh.geometry.dim
         sides = Sides(nodes_on(V, slave), nodes_on(V, master))
         n = V.dofmap.index_map.size_local
         shared = count_of(comm, (sides.slave & sides.master)[:n])
         words = f"{name}: slave and master share {shared} nodes of the mesh"
         require(comm, shared == 0 or direction is not None, words)
         if depth is None:
-            x = node_positions(V)[:, :dim]
+            x = node_positions(V)
             depth = _REACH * min(diagonal(comm, x[side]) for side in sides)
         self.opposite = SlidingOpposite(
             nodes=np.zeros((1, 1), dtype=np.int64),
@@ -259,7 +258,7 @@ def _across_planes(
             lie on both sides of it.
     """
     comm = V.mesh.comm
-    x = node_positions(V)[:, : V.mesh.geometry.dim]
+    x = node_positions(V)
     owned = V.dofmap.index_map.size_local
     across: Mask = np.zeros(x.shape, dtype=bool)
     size = maximum(comm, np.abs(x))

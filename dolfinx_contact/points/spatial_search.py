@@ -142,7 +142,7 @@ def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
     owned = owned_facets(domain, facets)
     closures = facet_closures(V, owned)
     corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
-    x = node_positions(V)[:, :dim][closures[:, :corners]]
+    x = node_positions(V)[closures[:, :corners]]
     nodes = global_numbers(V.dofmap.index_map, closures)
     return Faces(x, facet_normals(domain, owned), nodes)
 

@@ -376,7 +376,7 @@ class DiscreteSurface(ReadOnly):
     @cached_property
     def node_positions(self) -> Array:
         """Positions of the local nodes of the displacement, shape (n, dim)."""
-        return node_positions(self.u.function_space)[:, : self.dim].copy()
+        return node_positions(self.u.function_space)
 
     @cached_property
     def parts(self) -> tuple[Ints, int]:

@@ -80,7 +80,7 @@ class MovingFacets:
     @cached_property
     def reference(self) -> Array:
         """Positions of the corners in the mesh, shape (n, k, dim)."""
-        return self.at_corners(_positions(self._V))
+        return self.at_corners(node_positions(self._V))
 
     @property
     def size(self) -> float:
@@ -149,7 +149,7 @@ class SurfaceFacets(MovingFacets):
             Positions of the local vertices, shape (n, dim); vertices of the simplices, shape
             (m, dim); and outward unit normals of the simplices, shape (m, dim).
         """
-        now = (_positions(self._V) + u)[self.trace]
+        now = (node_positions(self._V) + u)[self.trace]
         pieces = _SIMPLICES[now.shape[1], self.corners.shape[1]]
         simplices = self.corners[:, pieces].reshape(-1, now.shape[1])
         normals = area_vectors(now[simplices])
@@ -229,11 +229,6 @@ class SurfaceGeometry:
         return float(total / index_map.size_global)
 
 
-def _positions(V: fem.FunctionSpace) -> Array:
-    """Return positions of the local nodes, shape (nodes, dim)."""
-    return node_positions(V)[:, : V.mesh.geometry.dim]
-
-
 # -- distances from a master -----------------------------------------------------------------------
 
 
@@ -266,7 +261,7 @@ def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array
     domain, dim = V.mesh, V.mesh.geometry.dim
     owned = owned_facets(domain, facets)
     closures = facet_closures(V, owned)
-    X = _positions(V)
+    X = node_positions(V)
     pieces = _SIMPLICES[dim, closures.shape[1]]
     both = np.stack([X[closures], (X + u)[closures]])[:, :, pieces].reshape(2, -1, dim, dim)
     outward = np.repeat(facet_normals(domain, owned), len(pieces), axis=0)

@@ -202,7 +202,7 @@ def pair_balance(eq: ContactEquations, number: int, evaluation: Evaluation) -> P
     s = eq.surfaces[number]
     n = eq.V.dofmap.index_map.size_local
     forces = pair_forces(eq, number, evaluation)
-    x = node_positions(eq.V)[:, : eq.dim]
+    x = node_positions(eq.V)
     # Nodes at the front of a crack belong to both faces, where the forces cancel.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
     sums = [_resultant(eq, forces[a & ~b]) for a, b in ((slave, master), (master, slave))]

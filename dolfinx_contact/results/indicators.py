@@ -344,8 +344,8 @@ def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
         parts = eq.scaling.parts
         turn = None
         if not eq.axisymmetric:
-            turn = float(np.degrees(parts.largest_turn(eq.nodes, evaluation.u)))
-        moved, extents = parts.differences(eq.nodes, evaluation.u)
+            turn = float(np.degrees(parts.largest_turn(evaluation.u)))
+        moved, extents = parts.differences(evaluation.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, evaluation) if np.any(moved > extents.min(axis=1)) else None
@@ -880,7 +880,7 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluatio
         return 0.0
     moved = not np.array_equal(s.start_gaps, s.points.gaps)
     depth = maximum(s.comm, _touching(contact, -s.start_gaps))
-    low, high = bounding_box(eq.comm, eq.nodes)
+    low, high = bounding_box(eq.comm, s.node_positions)
     return 0.0 if any_rank(eq.comm, moved) else depth / float(np.min(high - low))
 
 
@@ -896,7 +896,7 @@ def _beside(
         return 0.0
     motion = None if s.rigid_body is None else s.rigid_body.values
     u = evaluation.u.reshape(-1, s.dim)[: s.owned_nodes]
-    x = eq.nodes[: s.owned_nodes] + s.partner.relative(u, motion)
+    x = s.node_positions[: s.owned_nodes] + s.partner.relative(u, motion)
     gaps = s.gaps_at(x[eq.bare_nodes])
     if gaps is None:
         return 0.0
