@@ -77,7 +77,11 @@ class OnePoint:
 
 
 class _SlipInPlane:
-    """Solver for slip in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
+    """Solver for the slip a in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g.
+
+    The numbers S and c are stiffnesses: a slip a causes the shear S a and the normal force c a. b
+    is the tangential load, and -n is the normal force without slip.
+    """
 
     def __init__(self, S: Array, coupling: Array):
         self._stiffness = float(S[0, 0])
@@ -103,9 +107,10 @@ class _SlipInPlane:
 
 
 class _SlipInSpace:
-    """Solver for slip in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g.
+    """Solver for the slip a in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g.
 
-    It works in the eigenvectors of the matrix S, shape (2, 2).
+    The symbols have the meaning of `_SlipInPlane`; S is a matrix, shape (2, 2), and a, b and c are
+    vectors. The equation is solved in the eigenvectors of S.
     """
 
     def __init__(self, S: Array, coupling: Array):

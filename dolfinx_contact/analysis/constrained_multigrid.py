@@ -6,8 +6,9 @@ It solves the system of `reduced.constrained_body` for bodies that are too large
     [ K   R^T ] [ u ]   [ b ]
     [ R    0  ] [ p ] = [ 0 ]
 
-Each row of R has a node of its own, at which no other row is nonzero. Let R_o be the entries of R
-at these nodes divided by the square of their norm, and 0 elsewhere, so that R R_o^T = 1. On a rigid
+with the stiffness K, displacements u, loads b, and multipliers p of the constraints R u = 0. Each
+row of R has a node of its own, at which no other row is nonzero. Let R_o be the entries of R at
+these nodes divided by the square of their norm, and 0 elsewhere, so that R R_o^T = 1. On a rigid
 obstacle R_o = R; between two bodies, the node belongs to either of them; next to a clamped node,
 the norm is less than 1. Then
 

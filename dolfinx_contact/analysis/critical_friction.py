@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction: coefficients with continua of slipping solutions.
 
-All contact points are closed and slip along unit tangents d; transverse slip is prevented. With the
-stiffness S of the contact points, a slip v d causes the shear r_t = S_tt v and the pressure
-r_n = S_nt v. If
+All contact points are closed and slip along unit tangents d; transverse slip is prevented. Let S be
+the stiffness condensed onto the contact points, with the blocks S_tt and S_nt for forces along d
+and along the normals. A slip v d causes the shears r_t = S_tt v and the pressures r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
@@ -97,15 +97,19 @@ BodySolverKind = Literal["auto", "direct", "amg"]
 
 @dataclass(frozen=True)
 class CriticalFriction:
-    """Critical friction coefficients F, at which a slip can be added to a sliding solution.
+    """Critical friction coefficients F of a body whose contact points slip along unit vectors d.
+
+    At a critical coefficient, a slip v along d can be added to a sliding solution. It satisfies
+    S_tt v = F S_nt v, where S_tt v are the shears and S_nt v the pressures caused by v.
 
     Attributes:
-        friction: coefficient of smallest magnitude with a real slip of one sign; positive if points
-            slip against the directions d (r_t = F r_n), negative if they slip along d, also with
-            ``direction="solution"``; None if none exists up to `known_up_to`.
-        slips: slip v at `friction`, one nonnegative value per point, scaled to a maximum of 1;
-            empty if `friction` is None. If coefficients are equal up to 1e-9 (or up to `residual`,
-            if it is larger), all combinations of their slips are examined.
+        friction: coefficient of smallest magnitude with a real slip of one sign. It is positive if
+            points slip against d, and negative if they slip along d. None if no such coefficient is
+            below `known_up_to`.
+        slips: nonnegative slips v of the m slipping points at the coefficient `friction`, scaled to
+            a maximum of 1, shape (m,); empty if `friction` is None. For a multiple coefficient, v
+            is a combination of its slips. Coefficients count as equal if they differ by less than
+            1e-9, or by less than `residual` if this is larger.
         positions: positions of the slipping points, shape (m, dim), ordered by coordinates.
         one_signed: coefficients with real slips of one sign, ordered by magnitude.
         mixed: coefficients with real slips of both signs, ordered by magnitude; they give continua
@@ -115,9 +119,10 @@ class CriticalFriction:
             computed. A finite value comes from a second search, which is a check and not a proof.
             With multigrid the search is rough, and the value is reduced by two per cent.
         complete: whether all coefficients were computed.
-        displacement: displacement of the body corresponding to `slips`.
-        residual: accuracy of 1/F: largest |T f - f/F| |F_1|/|f| over the listed coefficients, where
-            F_1 is the smallest one.
+        displacement: displacement of the body in which the points have the slips `slips`.
+        residual: error bound of 1/F relative to 1/|F_1|, where F_1 is the smallest coefficient: the
+            largest |T f - f/F| |F_1|/|f| of all listed coefficients. Here f = S_tt v are the
+            shears, and T maps shears to pressures.
         solver: solver of the body, ``direct`` or ``amg``.
         solves: number of solves with the body; counted with multigrid only.
         iterations: number of multigrid cycles in the solves and in the search for eigenvalues.
@@ -191,9 +196,9 @@ def critical_friction(
             ``-analysis_linear_solver`` takes precedence.
 
     Raises:
-        ValueError: on every rank, if the direction or the solver is not valid, for integral
-            contact, if no point can slip or the body slides freely, and for multigrid if a point
-            has no node of its own.
+        ValueError: on every rank, if the direction or the solver is not valid, if contact is
+            integral, if no point can slip, if the body slides freely, or, with multigrid, if a
+            point has no node of its own.
         RuntimeError: if SLEPc or multigrid does not converge, or, with multigrid, if the body is
             not stable with its contact points held.
     """

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Two-parameter contact problems in the plane, and states with one point at a border.
 
-The unknowns at m contact points are w = (ut, un, rt, rn), with
+The unknowns at m contact points are w = (ut, un, rt, rn), displacements a = (ut, un) and forces r =
+(rt, rn), with
 
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 

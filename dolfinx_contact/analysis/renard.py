@@ -13,9 +13,10 @@ friction, SIAM J. Math. Anal. 38 (2006) 452-467. The criterion holds up to a coe
 follows from an eigenproblem. For one point with the stiffness [[k_t, k], [k, k_n]] and |xi| = 1,
 F_R = 2 sqrt(k_t k_n - k^2)/k_n.
 
-In terms of the forces r, the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and
-X = xi in the entries (tangent, normal) of every point; the largest eigenvalue mu of -sym(A X) r =
-mu A r is 1/F_R.
+In terms of the forces r, the form is r.A r + F (A r).X r. A = B K^{-1} B^T is the flexibility, with
+the stiffness K and the operator B from displacements to jumps, and X has the entries xi in the
+positions (tangent, normal) of every point; the largest eigenvalue mu of -sym(A X) r = mu A r is
+1/F_R.
 
 **Weights.** The solution is also unique if *some* sum of the inequalities with positive weights is
 positive,

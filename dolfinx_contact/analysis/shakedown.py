@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Shakedown: does friction come to rest under cyclic loads? A static bound, and stepped cycles.
 
-The loads cycle through p_k(f) = p_s + f (p_k - p_s), with the load factor f. Melan's statement for
-friction: if constant slips w exist that keep the forces of all points within the friction bound at
-all corners of the cycle, the body comes to rest. The largest load factor with such slips is the
-*static bound* (`static_bound`).
+The loads cycle through p_k(f) = p_s + f (p_k - p_s), with the corners p_k, the steady load p_s and
+the load factor f. Melan's statement for friction: if constant slips w exist that keep the forces of
+all points within the friction bound at all corners of the cycle, the body comes to rest. The
+largest load factor with such slips is the *static bound* (`static_bound`).
 
 At rest no point slips, opens or closes; points without friction slide freely, without dissipation.
 No such state exists beyond the bound, though points may open and close without slip. The range of
@@ -247,7 +247,15 @@ def shakedown_of(
 ) -> Shakedown:
     """Return the result of `shakedown` for contact points. Not collective.
 
-    ``loads`` are the loads of the corners, shape (K, dim m), ``steady`` the steady load.
+    Args:
+        points: m contact points with their stiffness and laws.
+        loads: loads of the K corners, shape (K, dim m).
+        steady: steady load, shape (dim m,); default: the first corner.
+        factor: see `shakedown`.
+        cycles: see `shakedown`.
+        steps: see `shakedown`.
+        starts: see `shakedown`.
+        seconds: see `shakedown`.
     """
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady

@@ -2,7 +2,8 @@
 r"""Slip pattern: slipping points with their directions, and the corresponding rows of B.
 
 Let n be unit normals from the body into the obstacle, d unit slip directions, and r = -r_n n + r_t
-the forces on the body. Linear analyses of sliding contact split the jumps j = B u into three parts,
+the forces on the body. B maps the displacement u to the jumps j at the contact points. Linear
+analyses of sliding contact split j into three parts,
 
     N u = n.j,    D u = d.j    at slipping points,    H u = 0    for held components.
 

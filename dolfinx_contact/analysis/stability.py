@@ -8,10 +8,11 @@ and v with
 
     (K + lambda C + lambda^2 M) v = B^T r
 
-with v and r in the cones of these points. Then the motion v e^{lambda t} starts arbitrarily close
-to the equilibrium and grows (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and J. J. Judice,
-The directional instability problem in systems with frictional contacts, Comput. Methods Appl. Mech.
-Engrg. 193, 2004).
+with v and r in the cones of these points. K, C and M are stiffness, damping and mass, B maps
+motions to jumps at the contact points, and r are changes of the contact forces. Then the motion v
+e^{lambda t} starts arbitrarily close to the equilibrium and grows (A. P. da Costa, J. A. C.
+Martins, I. N. Figueiredo and J. J. Judice, The directional instability problem in systems with
+frictional contacts, Comput. Methods Appl. Mech. Engrg. 193, 2004).
 
 If no point is at a border, the motions form a linear space: sticking points are held, and the
 remaining points are open or slide without friction. For a symmetric stiffness and dissipative

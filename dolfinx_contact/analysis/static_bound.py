@@ -3,7 +3,8 @@ r"""Static bound of shakedown: the largest load cycle with a state at rest.
 
 The loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the load factor f. In a
 state at rest some points are closed (un = 0) with constant slips w, and the remaining points are
-open (no force). All displacements and forces are affine in x = (w, f), and
+open (no force). Closed points have the friction coefficient F and the prescribed bound g. All
+displacements and forces are affine in x = (w, f), and
 
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 

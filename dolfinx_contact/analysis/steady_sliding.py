@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Stability of steady sliding: growing vibrations (squeal).
 
-A body slides steadily over a moving obstacle. Under perturbations u e^{lambda t}, closed points
-remain closed, and the shear remains F times the pressure, opposite to the slip and independent of
-the velocity. N and D are the rows of normal displacements and of slips along d at slipping points,
-r_n their normal forces. H are the rows of held motions (`slip`), with the forces q:
+A body with stiffness K, damping C and mass M slides steadily over a moving obstacle. Under
+perturbations u e^{lambda t}, closed points remain closed, and the shear remains F times the
+pressure, opposite to the slip and independent of the velocity. F is the friction coefficient. N and
+D are the rows of normal displacements and of slips along d at slipping points, r_n their normal
+forces. H are the rows of held motions (`slip`), with the forces q:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 

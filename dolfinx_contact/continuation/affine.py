@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Small dense systems with affine pieces, identical on every rank.
 
-Each point i has k variables w_i (such as displacement and force of a contact point) with
+Each point i has k variables w_i (such as displacement and force of a contact point) and d
+equations, with
 
     sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones.
 
@@ -109,7 +110,13 @@ class AffineSystem:
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
     def step(self, codes: Codes, w: Array, direction: Array) -> float:
-        """Return the distance from a state to the first border along a direction, or inf."""
+        """Return the multiple of a direction at which a state reaches its first border, or inf.
+
+        Args:
+            codes: statuses of the points, shape (m,).
+            w: state inside the cones of these statuses, shape (m, k).
+            direction: change of the state, shape (m, k).
+        """
         slack = self.slacks(codes, w)
         rate = self.slacks(codes, direction)
         falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))

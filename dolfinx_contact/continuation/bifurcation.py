@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Test function of smooth bifurcations, and the tangent of the bifurcating branch.
 
-With J = [grad H; t^T] and constant borders B and C, tau in
+Let J = [grad H; t^T] be the matrix of the bordered system with the unit tangent t of the branch.
+With constant vectors B and C, called borders, tau in
 
     [ J   B ] [ V   ]   [ 0 ]
     [ C^T 0 ] [ tau ] = [ 1 ]
@@ -83,10 +84,7 @@ class BifurcationTest:
         return tau
 
     def kernel(self) -> PETSc.Vec:
-        """Return the unit vector along V of the last call.
-
-        Where tau vanishes, it spans the kernel of J.
-        """
+        """Return V of the last call, normalised. Where tau vanishes, V spans the kernel of J."""
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()
         v.scale(1.0 / self._bordered.length(v))

@@ -9,7 +9,8 @@ instead (`krylov`). Lengths are defined by the inner product
 
     <y, z> = x_y . M x_z / (2 x_scale) + gamma_y gamma_z / (2 gamma_scale^2),
 
-with the metric M of the system.
+with the metric M of the system, y = (x_y, gamma_y) and z = (x_z, gamma_z). The last row of J is the
+vector <t, .> for an approximate tangent t.
 """
 
 from __future__ import annotations

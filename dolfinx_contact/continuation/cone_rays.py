@@ -74,8 +74,8 @@ class Rays(FoundRays[AffineRay]):
     """Outgoing rays of a tangent cone.
 
     Attributes:
-        continua: pieces that contain a continuum of rays, each with the rays of `rays` in the piece
-            or on its border.
+        continua: pieces that contain a continuum of rays. Each entry consists of the statuses of
+            the piece and those members of `rays` that lie in the piece or on its border.
     """
 
     continua: tuple[tuple[Codes, tuple[AffineRay, ...]], ...] = ()

@@ -115,7 +115,8 @@ class Corrector:
         scales: scales of residuals (`System.measure`) at the accepted states of the branch.
 
     Raises:
-        ValueError: if the options choose another type of SNES.
+        ValueError: if the PETSc options set a type of the SNES, because a correction takes its own
+            steps.
     """
 
     def __init__(self, bordered: Bordered, control: StepControl, *, chords: bool = True):
@@ -145,8 +146,8 @@ class Corrector:
         """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place.
 
         Returns:
-            Scales of residuals including ``y``, which the caller accepts together with ``y`` by
-            setting `scales`; None if the correction fails.
+            Scales of the residuals on the branch, the point ``y`` included; None if the correction
+            fails. A caller that accepts ``y`` assigns them to `scales`.
         """
         return self._solve(y, t, piece)
 
@@ -172,8 +173,8 @@ class Corrector:
             distance: prescribed distance.
             piece: piece of H; None for H itself.
             polish: whether to add a correction after the tolerance has been reached.
-            keep: whether to begin with the matrix of the previous run, which must have had the same
-                ``t`` and piece.
+            keep: whether to begin with the matrix of the previous run, in which ``t`` and piece
+                must have been the same.
         """
         scales = self._solve(y, t, piece, to=(start, distance), polish=polish, keep=keep)
         if scales is not None:
@@ -305,8 +306,8 @@ class _Run:
         y: predicted point.
         t: direction whose dual vector is the last row.
         piece: piece of H; None for H itself.
-        to: starting point and prescribed distance from it along ``t``. If None, every correction is
-            orthogonal to ``t``, which is updated in place.
+        to: start of the step and prescribed distance from the start along ``t``. If None, every
+            correction is orthogonal to ``t``, and ``t`` is updated in place.
         polish: see `Corrector.pseudo_arclength`.
         keep: see `Corrector.pseudo_arclength`.
 
@@ -417,7 +418,7 @@ class _Run:
     # -- parts of a step -------------------------------------------------------------------------
 
     def _size(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
-        """Write H into ``hx``; return its size in the scales of the predicted state."""
+        """Write H into ``hx``; return its size relative to the scales of the predicted state."""
         # in the scales of a diverging iterate every other state would look like a solution
         scales = self.scales if self._predicted is None else self._predicted
         size, self.scales = self._b.system.measure(x, gamma, hx, self._piece, scales)

@@ -129,9 +129,9 @@ def follow(
         Points, special points, and the reason for the end of the branch.
 
     Raises:
-        ValueError: on every rank, if an argument is invalid or differs between ranks, gamma does
-            not appear in H or leaves its range immediately, no solution is found near the start, or
-            H has kinks within its pieces.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, if gamma does
+            not appear in H or leaves its range immediately, if no solution is found near the start,
+            or if H has kinks within its pieces.
     """
     check_states(system, [x], "x")
     low, high = gamma_range

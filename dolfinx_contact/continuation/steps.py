@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Predictor-corrector steps along a branch, with three policies for kinks (`StepControl.kinks`).
 
-A step predicts along the tangent and corrects; a failed step is shortened. The policies differ in
-the equation of the corrector and in the treatment of kinks:
+A step predicts a point along the tangent and corrects it; a failed step is shortened, down to the
+length h_min = `StepControl.minimum`. The policies differ in the equation of the corrector and in
+the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
   first event is located to round-off, and the branch continues on the piece beyond

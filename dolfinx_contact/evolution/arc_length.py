@@ -6,17 +6,18 @@ lies on the curve
 
     H(x, gamma; m_n) = 0,        <(x - x_n, gamma - gamma_n), t_n> = h,
 
-at arc length h, where t_n is a solution of the rate problem at x_n (`rate_problem`). After
-acceptance the memory is m_n+1. The path is a quasi-static evolution in which the load, or imposed
-displacement, rises and falls such that the state changes slowly, for example where a structure
-snaps back. Friction opposes the slip increments, and damage is irreversible. The constraint was
-introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
+at arc length h, where <., .> is the inner product of `continuation.bordered`, and t_n solves the
+rate problem at x_n (`rate_problem`). The path is a quasi-static evolution in which the load, or
+imposed displacement, rises and falls such that the state changes slowly, for example where a
+structure snaps back. Friction opposes the slip increments, and damage is irreversible. The
+constraint was introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces
+of H.
 
 A step of the path has the three parts of a quasi-static step (`step`):
 
 1. solve H(x_n+1, gamma_n+1; m_n) = 0 at arc length h or at an event before it (`arc_steps`),
 2. account for the energies,
-3. advance the memory, m_n+1 = A(x_n+1; m_n).
+3. advance the memory from m_n to m_n+1.
 
 Then the rule `ByArcLength` solves the rate problem at x_n+1 with m_n+1 for the piece and the
 tangent t_n+1 of the next step. The arc length from the start of the path is stored as time; laws
@@ -436,7 +437,7 @@ class ByArcLength(Rule[PathTask]):
             require_in_range(steps.bordered, self._leaves, task.gamma_range)
 
     def _start_point(self, sense: float) -> BranchPoint:
-        """Return the start as a branch point, whose tangent is a change of the load alone.
+        """Return the start as a branch point, along whose tangent only the load changes.
 
         Args:
             sense: 1 for an increasing load, -1 for a decreasing one.

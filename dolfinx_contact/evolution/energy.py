@@ -26,10 +26,12 @@ with follower loads, the remainder counts as stored energy. If a problem is give
 stored energy is integrated from the forces by the trapezoidal rule, which is exact for a linear
 body.
 
-**In motion.** Consider a step of length h from state 0 to state 1. Let v = (v_0 + v_1)/2 be the
-mean velocity, f the loads, S the mean forces of supports, t the mean contact tractions over areas
-W, t' the tractions without adhesion, and v_o the velocity of the obstacle. Stored energy and damage
-are as above, and
+**In motion.** Consider a step of length h from state 0 to state 1, with the mass matrix M, the
+damping matrix C, and the weight theta of the forces at the end of the step. Let v = (v_0 + v_1)/2
+be the mean velocity, B the operator from velocities to relative velocities at the contact points, f
+the loads, S the mean forces of supports, t the mean contact tractions over areas W, t' the
+tractions without adhesion, and v_o the velocity of the obstacle. Stored energy and damage are as
+above, and
 
     kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
     external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o

@@ -15,11 +15,12 @@ with the step. `find_jump` bisects a step to find a jump.
 
 A change that does not shrink does not prove a jump, because the solver may have missed a solution.
 Therefore the branch of solutions H(x, gamma; m_n) = 0 from the start of the step (gamma = 0,
-`rate_problem`) is finally followed from kink to kink. If it reaches gamma = 1, a solution continues
-the evolution. If gamma turns back at a smooth fold, or at a kink of which all pieces were tried, on
-this branch and on all branches that leave it towards larger gamma, no solution continues the
-evolution. Otherwise nothing is proved, and the reason is reported. A step that was not solved is no
-proof either; shorter steps are tried from the same state.
+`rate_problem`) is finally followed from kink to kink; gamma grows from 0 to 1 with the load of the
+step. If it reaches gamma = 1, a solution continues the evolution. If gamma turns back at a smooth
+fold, or at a kink of which all pieces were tried, on this branch and on all branches that leave it
+towards larger gamma, no solution continues the evolution. Otherwise nothing is proved, and the
+reason is reported. A step that was not solved is no proof either; shorter steps are tried from the
+same state.
 """
 
 from __future__ import annotations

@@ -197,7 +197,7 @@ def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Ma
 def _affine_parts(
     form: ufl.Form, u: fem.Function, velocity: fem.Function
 ) -> tuple[ufl.Form, ufl.Form | None]:
-    """Split a damping form into its derivative by the velocity and its value at zero velocity.
+    """Return the derivative of a damping form with respect to the velocity, and its value at 0.
 
     Raises:
         ValueError: if the form is not affine in the velocity.

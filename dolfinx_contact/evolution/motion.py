@@ -2,7 +2,8 @@
 r"""One time step of a body in motion, by nonsmooth contact dynamics.
 
 The step from (u_0, v_0) at t_0 to (u_1, v_1) at t_1 = t_0 + h is a static contact problem for the
-displacement w at which the contact laws are evaluated (schemes in `body.moving`),
+displacement w at which the contact laws are evaluated. With the factors a and s of the scheme
+(`body.moving`), mass M, damping C, and internal forces minus loads R,
 
     w = w_0 + a h v_1,        u_1 = w_0 + s (w - w_0),        w_0 known,
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.

@@ -2,7 +2,8 @@
 r"""Nonsmooth contact dynamics (NSCD): bodies with mass, impacts and Coulomb friction.
 
 The equation of motion is an equation of measures, in which impacts are impulses (Moreau, CISM
-Lectures 302, 1988; Jean, CMAME 177, 1999),
+Lectures 302, 1988; Jean, CMAME 177, 1999). With mass M, damping C, internal forces minus loads R,
+the operator B of relative motions, and contact impulses dr,
 
     M dv + (R(u) + C v) dt = B^T dr,        du = v dt,
 
@@ -25,10 +26,11 @@ u' = v has the factor
     abs(z) = 1 - (theta - 1/2) (w h)^2 + ...,
 
 in a step: with theta = 1/2 its period is too long by (w h)^2/12, 0.8 % for 20 steps per period; a
-larger theta damps it at the rate (theta - 1/2) w^2 h. Impact forces follow waves of the speed
-c = ((lambda + 2 mu)/rho)^(1/2). A mesh of cell size dx has no waves shorter than a few cells, so
-that steps much shorter than dx/c resolve nothing more: with h = 4, 2, 1, 1/2 and 1/4 dx/c the force
-of `demo_bouncing_bar` is wrong by 14, 11, 7, 5 and 10 %.
+larger theta damps it at the rate (theta - 1/2) w^2 h. Impact forces follow waves of the speed c =
+((lambda + 2 mu)/rho)^(1/2), with Lame's constants lambda and mu and the density rho. A mesh of cell
+size dx has no waves shorter than a few cells, so that steps much shorter than dx/c resolve nothing
+more: with h = 4, 2, 1, 1/2 and 1/4 dx/c the force of `demo_bouncing_bar` is wrong by 14, 11, 7, 5
+and 10 %.
 """
 
 from __future__ import annotations
@@ -140,9 +142,10 @@ class NSCD(Evolution):
         density: mass per volume (in 2D per area, for unit thickness): a number, Constant, Function
             or UFL expression of the coordinates. It must not change during a run; mass and damping
             are assembled when a run starts.
-        dt: largest length of a step, a time: at most 1/20 of the shortest period of interest, so
-            that this period is at most 0.8 % too long; and at most the time dx/c of a wave across a
-            cell of size dx if contact forces follow waves, c^2 = (lambda + 2 mu)/rho.
+        dt: largest length of a step, a time. Recommended: at most 1/20 of the shortest period of
+            interest, so that this period is at most 0.8 % too long. If contact forces follow waves,
+            also at most the time dx/c in which a wave of speed c crosses a cell of size dx (see the
+            module).
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time; default: data are constant. It must
             not depend on earlier calls.

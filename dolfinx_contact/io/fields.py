@@ -3,8 +3,8 @@
 
 Files of the body contain the displacement, the Cauchy stress s and the von Mises stress (3/2 dev s
 : dev s)^(1/2). Both stresses are linear in each cell and discontinuous between cells. Each contact
-surface is a separate mesh with the fields of `ContactProblem.contact_fields`. For a pair, this is
-the slave surface.
+surface, for a pair the slave surface, is a separate mesh with the fields of
+`ContactProblem.contact_fields`.
 """
 
 from __future__ import annotations
@@ -85,9 +85,10 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
             files then remain.
-        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or
-            displacement, or does not have the cell tags of the bulk, two surfaces would be written
-            to the same file, the format is not available, or arguments differ between ranks.
+        ValueError: on every rank, if the stress is not valid (not 3 x 3, of another mesh or
+            displacement, or without one of the cell tags of the bulk), if two surfaces would be
+            written to the same file, if the format is not available, or if arguments differ between
+            ranks.
     """
     fields = StateFields(problem, stress)
     with Writer(problem.comm, folder, format) as writer, problem.at(state) as shown:
@@ -161,8 +162,9 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
         Cell tags of the bulk if the stress is given by cell tags, otherwise None.
 
     Raises:
-        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or
-            displacement, does not have the cell tags of the bulk, or differs between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, if it belongs to another mesh or
+            displacement, if a cell tag of the bulk has no stress, or if arguments differ between
+            ranks.
     """
     domain = problem.u.function_space.mesh
     by_tag = stress if isinstance(stress, Mapping) else {None: stress}
@@ -238,7 +240,13 @@ def body_fields(
 
 
 def _interpolate(f: fem.Function, e: Any, cells: Indices | None) -> None:
-    """Interpolate an expression into a discontinuous Function of degree 1, in all or some cells."""
+    """Interpolate an expression into a discontinuous Function of degree 1.
+
+    Args:
+        f: Function that receives the values.
+        e: UFL expression.
+        cells: local cells in which the Function is set; None for all cells.
+    """
     W = f.function_space
     e = of_cells(e, W.mesh)
     points = interpolation_points(W)
@@ -260,10 +268,13 @@ def _interpolate(f: fem.Function, e: Any, cells: Indices | None) -> None:
 
 
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
-    """Convert an expression that is defined only at cell midpoints to DG0. Collective.
+    """Return an expression that can be evaluated at any point of a cell. Collective.
+
+    An expression that is defined only at the midpoints of cells is interpolated by constants in
+    each cell; any other expression is returned unchanged.
 
     Args:
-        e: UFL expression; returned unchanged if it is defined everywhere.
+        e: UFL expression.
         domain: mesh of the expression.
     """
     if not is_of_cells(e):

@@ -74,7 +74,7 @@ def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:
     """Write a file from rank 0. Collective.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
+        OSError: on every rank, if the file cannot be written; an earlier file remains.
     """
 
     def write() -> None:
@@ -94,7 +94,7 @@ def write_summary(
         Content of the file, on every rank.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
+        OSError: on every rank, if the file cannot be written; an earlier file remains.
         TypeError: on every rank, if a value cannot be written as JSON.
     """
     from dolfinx_contact import __version__

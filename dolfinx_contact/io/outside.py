@@ -73,7 +73,7 @@ class VertexMeans:
         self._weights = _assembled(fem.form(q * dx))
 
     def __call__(self) -> Array:
-        """Return the means at the local vertices. Collective."""
+        """Return the means at the n local vertices, shape (n,). Collective."""
         return _assembled(self._form) / self._weights
 
 
@@ -89,7 +89,7 @@ class Outside:
 
     Attributes:
         V: scalar P1 space of the bodies.
-        numbers: numbers of the local nodes of ``V`` in the input mesh.
+        numbers: numbers of the n local nodes of ``V`` in the input mesh, shape (n,).
         cells: local vertices of all cells in 2D, or of the boundary facets in 3D.
     """
 
@@ -191,9 +191,10 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
     An obstacle without facets is represented by the points opposite to the surface.
 
     Returns:
-        Facets ``cells``, and at their vertices the current position ``floor``, the displacement
-        ``moved`` and the normal ``n`` into the obstacle. Facets opposite to the surface are
-        returned on rank 0; other ranks return an empty dictionary.
+        Vertices ``cells`` of the facets; and, for each of the m vertices, the current position
+        ``floor``, the displacement ``moved`` and the normal ``n`` into the obstacle, shape (m, dim)
+        each. Points opposite to the surface are returned on rank 0 only; other ranks return an
+        empty dictionary.
     """
     if s.obstacle.outline is not None:
         x, facets, n = s.obstacle.outline
@@ -217,11 +218,14 @@ def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
 
     Args:
         s: contact surface whose facets are gathered.
-        values: values at its local vertices, by name.
+        values: values at the local vertices of the surface, by name; the first axis has one entry
+            per vertex.
 
     Returns:
-        On rank 0: facets ``cells``; and at their vertices the numbers ``nodes``, the coordinates
-        ``x`` and ``values``. On other ranks: an empty dictionary.
+        On rank 0, arrays for the n facets and m vertices of the surface: the vertices ``cells`` of
+        the facets, shape (n, vertices per facet); the numbers ``nodes`` of the vertices in the
+        input mesh, shape (m,); their coordinates ``x``, shape (m, 3); and ``values``, with the
+        first axis of length m. On other ranks, an empty dictionary.
     """
     V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
@@ -281,8 +285,9 @@ def _gather_cells(
             ranks that share a node.
 
     Returns:
-        On rank 0: ``cells``, the numbers ``nodes`` and coordinates ``x`` of their nodes, and
-        ``values``. On other ranks: an empty dictionary.
+        On rank 0: ``cells`` with positions in the list of nodes; the numbers ``nodes`` of the m
+        nodes, shape (m,); their coordinates ``x``, shape (m, 3); and ``values`` at these nodes. On
+        other ranks: an empty dictionary.
     """
     at_corners = {"x": in_space(node_positions(V)), **values}
     parts = comm.gather(

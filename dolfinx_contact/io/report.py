@@ -38,7 +38,7 @@ class Report:
             print(text, flush=True)
 
     def newton(self, step: Step) -> None:
-        """Print a line for a Newton iterate; for use as ``monitor`` of `ContactProblem.solve`."""
+        """Print a line for a Newton iterate; a ``monitor`` of `ContactProblem.solve`."""
         m = step.measures
         self(
             f"  Newton {step.iteration:2d}: force {m.force:.1e}, constraint {m.constraint:.1e}, "

@@ -30,7 +30,7 @@ def write_contact_table(
     Dirichlet data at contact nodes.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
+        OSError: on every rank, if the file cannot be written; an earlier file remains.
     """
     columns = [t.columns() for t in tables]
     # columns of some laws come last
@@ -56,7 +56,7 @@ def write_rows(
     The columns are the keys of the first row; other keys are ignored.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
+        OSError: on every rank, if the file cannot be written; an earlier file remains.
         ValueError: on every rank, if ``rows`` is empty.
     """
 
@@ -88,7 +88,7 @@ class GrowingTable:
         """Write the row of rank 0.
 
         Raises:
-            OSError: on every rank, with the path, if it cannot be written.
+            OSError: on every rank, if the file cannot be written.
         """
         first = not self._names
         self._names = self._names or list(row)

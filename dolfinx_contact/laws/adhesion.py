@@ -299,8 +299,8 @@ class DamageStep:
       formula is unstable for longer steps; the order is then lower.
 
     The cap is beta_n, or 1 if the bond may recover. With the two-step formula a bond could weaken
-    further after the load has stopped, by the excess over w/E_n; c = max(s, min(beta_n, w/E_n))
-    prevents this.
+    further after the load has stopped, by the excess over w/E_n, where E_n is E at the start of the
+    step; c = max(s, min(beta_n, w/E_n)) prevents this.
 
     Args:
         beta: intensity at the start of the step.

@@ -207,14 +207,14 @@ class Answers:
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Return the derivatives D_s of tau by the averaged pressure, shape (n, dim)."""
+        """Return the derivatives of tau with respect to the averaged pressure, shape (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Pressure averaged by a nonlocal law, and its derivatives by jump and traction.
+        """Pressure that a nonlocal law averages, and its derivatives, at n points.
 
-        The shapes are (n,), (n, dim) and (n, dim).
+        The derivatives are with respect to jump and traction. Shapes: (n,), (n, dim), (n, dim).
         """
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction

@@ -253,10 +253,10 @@ class CompiledLaw:
 
     @cached_property
     def slopes(self) -> tuple[PointValues, list[list[int]]]:
-        """Compiled derivatives of border distances by jump and traction, and columns by status.
+        """Compiled derivatives of border distances with respect to jump and traction.
 
-        They are compiled on first use. For each status, the columns are ordered by border, jump
-        before traction, and component.
+        They are compiled on first use. The second item contains the columns of each status, ordered
+        by border, jump before traction, and component.
         """
         flat = ScalarList()
         places = []
@@ -273,7 +273,7 @@ class CompiledLaw:
 
     @cached_property
     def sensitivities(self) -> tuple[PointValues, list[list[int]], list[list[list[int]]]]:
-        """Compiled derivatives of the answers by normal and by each field, and their columns.
+        """Compiled derivatives of the answers with respect to normal and fields, and their columns.
 
         The columns are lists by status for the normal, and by field and status for the fields.
         """
@@ -287,7 +287,7 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> PointValues:
-        """Compiled derivatives of the averaged pressure by normal and by each field.
+        """Compiled derivatives of the averaged pressure with respect to normal and fields.
 
         They are compiled on first use.
         """

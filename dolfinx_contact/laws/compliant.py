@@ -89,11 +89,11 @@ class _AroundFriction(FrictionLaw):
 @constant_law
 @dataclass(frozen=True)
 class NormalCompliance(_AroundFriction):
-    """Compliant surface with the pressure p = C (u_n)_+^m, optionally with friction.
+    """Compliant surface, optionally with friction.
 
-    Closed points penetrate, so that ``un`` is negative. The indicator ``penetration`` of the
-    surface (`Result.indicators`) is the largest depth; a warning is logged above a tenth of the
-    facet size.
+    The pressure is p = C (u_n)_+^m, where (u_n)_+ is the penetration. Closed points penetrate, so
+    that the gap ``un`` in tables is negative. The indicator ``penetration`` of the surface
+    (`Result.indicators`) is the largest depth; a warning is logged above a tenth of the facet size.
 
     Attributes:
         stiffness: coefficient C > 0, in units of traction per length to the power m; a number, a

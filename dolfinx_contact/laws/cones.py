@@ -2,10 +2,10 @@
 r"""Statuses of contact points in 2D as polyhedral cones of w = (ut, un, rt, rn).
 
 The variables w of a point are tangential displacement, gap, and nodal forces on the body, divided
-by a stiffness so that all four are lengths. If the answers of a law are linear in jump and
-traction, a status is the set of all w on the plane t = D_j j + D_t t that are inside the borders of
-the status. It is the cone {B z : C B z >= 0}, where the columns of B span the plane, z has two
-components, and each row of C belongs to a border.
+by a stiffness so that all four are lengths. If the answers of a law are linear in the jump j and
+the traction t, with the derivatives D_j and D_t, a status is the set of all w on the plane t = D_j
+j + D_t t that are inside the borders of the status. It is the cone {B z : C B z >= 0}, where the
+columns of B span the plane, z has two components, and each row of C belongs to a border.
 """
 
 from __future__ import annotations

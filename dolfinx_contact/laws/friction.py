@@ -172,7 +172,7 @@ class Frictionless(FrictionLaw):
 @constant_law
 @dataclass(frozen=True)
 class Coulomb(FrictionLaw):
-    """Coulomb friction; the static law is ``|lambda_t| <= F |lambda_n|``.
+    """Coulomb friction: the shear is at most F times the pressure.
 
     A contact surface converts numbers of its law to Constants: after ``surface =
     ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5`` changes the
@@ -199,7 +199,7 @@ class Coulomb(FrictionLaw):
 @constant_law
 @dataclass(frozen=True)
 class Tresca(FrictionLaw):
-    """Tresca friction: prescribed friction bound ``|lambda_t| <= g`` on the whole surface.
+    """Tresca friction: the shear is at most a prescribed bound g, on the whole surface.
 
     As in the mathematical literature, friction also acts on open parts of the surface. To avoid
     friction there, multiply the bound by a field that vanishes there.

@@ -234,8 +234,8 @@ def read_mesh(
 
     Raises:
         FileNotFoundError: on every rank, if the file does not exist.
-        ValueError: on every rank, if gmsh cannot read it, it does not fit, or arguments differ
-            between ranks; see `mesh_from_gmsh`.
+        ValueError: on every rank, if gmsh cannot read the file, if the mesh is not admissible (see
+            `mesh_from_gmsh`), or if arguments differ between ranks.
     """
     gmsh = optional("gmsh", "gmsh")
     filename = os.fspath(filename)

@@ -53,7 +53,7 @@ def draw_curves(
         The axes; ``axes.figure`` is the figure.
 
     Raises:
-        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        OSError: if the file cannot be written; an existing file is then unchanged.
         ValueError: if the curves have no names, or one has different numbers of abscissae and
             ordinates.
     """
@@ -87,7 +87,7 @@ def draw_polar(
         The polar axes.
 
     Raises:
-        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        OSError: if the file cannot be written; an existing file is then unchanged.
         ValueError: if the curves have no names, or one has different numbers of angles and radii.
     """
     axes = _new_axes(curves, (5.4, 5.4), projection="polar")
@@ -146,7 +146,7 @@ def draw_chart(
         The axes.
 
     Raises:
-        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        OSError: if the file cannot be written; an existing file is then unchanged.
         ValueError: if a set of statuses has no name.
     """
     if names is None:

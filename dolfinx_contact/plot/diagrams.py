@@ -78,7 +78,7 @@ def draw_diagram(
 
     Raises:
         ModuleNotFoundError: if matplotlib is not installed.
-        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        OSError: if the file cannot be written; an existing file is then unchanged.
         ValueError: if no point was recorded, a functional is not in the journal, or the numbers of
             names and branches differ.
     """

@@ -78,7 +78,7 @@ def save(drawing: Drawing, file: File) -> None:
     """Write a figure or the view of a plotter; do nothing without a file. Not collective.
 
     Raises:
-        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        OSError: if the file cannot be written; an existing file is then unchanged.
     """
     if file is None:
         return

@@ -54,7 +54,7 @@ class BranchEntries:
         return self.vectors
 
     def columns(self, point: BranchPoint) -> dict[str, Any]:
-        """Return the columns of a point; ``status`` contains the letters of its piece."""
+        """Return the columns of the entry of a point; ``status`` has the letters of its piece."""
         return {
             "gamma": point.gamma,
             "step": point.step,
@@ -65,7 +65,10 @@ class BranchEntries:
         }
 
     def joined(self, columns: Entry) -> BranchPoint:
-        """Return the branch point with these columns, and tangent and unknowns in `vectors`."""
+        """Return a branch point from the columns of its entry.
+
+        The unknowns and the tangent are copied from `vectors`.
+        """
         return BranchPoint(
             self._layout.joined(self.vectors["x"], columns.gamma),
             self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),
