@@ -36,7 +36,7 @@ class BifurcationTest:
     """Test function tau of a bordered system. All methods are collective.
 
     Args:
-        bordered: bordered system, whose matrix is J at the point of the last tangent.
+        bordered: bordered system with the matrix J.
 
     Attributes:
         signs: factor 1 or -1 of each pair of borders that makes all values agree in sign on the
@@ -58,10 +58,11 @@ class BifurcationTest:
         last = 0.6180339887 * np.cos(seed) if self._several else 0.0
         return self._bordered.joined(probe, last)
 
-    def __call__(self, *, accepted: bool = False) -> float:
-        """Return tau at the point of the last tangent; 0 if J is singular there.
+    def __call__(self, t: PETSc.Vec, *, accepted: bool = False) -> float:
+        """Return tau at the state of J; 0 if J is singular.
 
         Args:
+            t: unit tangent of the branch at this state.
             accepted: whether the point belongs to the branch; pairs with a sign different from the
                 median then change their factor in `signs`.
         """
@@ -75,8 +76,7 @@ class BifurcationTest:
         with np.errstate(divide="ignore"):
             values = -self.signs / products
         if not self._several:
-            orientation = solver.determinant_sign() * self._bordered.sense
-            return float(orientation * np.abs(values[0]))
+            return self._bordered.orientation(t) * float(np.abs(values[0]))
         self._chosen = int(np.argsort(values)[_PAIRS // 2])
         tau = float(values[self._chosen])
         if accepted:

@@ -40,14 +40,11 @@ class Bordered(Layout):
     Attributes:
         prefix: prefix of PETSc options.
         solver: solver for J. Its method ``assemble`` sets the state, last row and piece of J;
-            ``solve`` and ``probe`` solve with J, ``determinant_sign`` returns the sign of det J.
-            ``is_direct`` indicates whether every further right-hand side is cheap; otherwise solves
-            are iterative, and their cost grows with the accuracy.
+            ``solve`` and ``probe`` solve with J, ``determinant_sign`` returns the sign of det J,
+            and ``row`` is the last row. ``is_direct`` indicates whether every further right-hand
+            side is cheap; otherwise solves are iterative, and their cost grows with the accuracy.
         x_scale: square of the unit length of x; 0 until a tangent moves x.
         x_scale_is_new: flag set together with `x_scale`; the reader of the flag resets it.
-        sense: 1 if det J has the same sign with the last tangent as last row as with the actual
-            last row, otherwise -1. Replacing the row by the tangent multiplies the determinant by
-            the inner product of the two.
     """
 
     solver: Factorised | Krylov
@@ -58,7 +55,6 @@ class Bordered(Layout):
         self.prefix = prefix
         self.x_scale = 0.0
         self.x_scale_is_new = False
-        self.sense = 1.0
         self._w = system.create_vector()
         system.begin_solves()
         P = system.preconditioner
@@ -81,6 +77,14 @@ class Bordered(Layout):
     def length(self, y: PETSc.Vec) -> float:
         """Return the length of a vector."""
         return float(np.sqrt(self.inner(y, y)))
+
+    def orientation(self, t: PETSc.Vec) -> float:
+        """Return the sign of det [grad H; t^T] for the tangent ``t`` at the state of J.
+
+        Along a branch this sign changes only at bifurcations. It is the sign of det J times the
+        product of t with the last row of J, because t spans the kernel of the other rows.
+        """
+        return self.solver.determinant_sign() * float(np.sign(self.solver.row.dot(t)))
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set `x_scale` from the first tangent ``t`` at ``y`` that moves x.

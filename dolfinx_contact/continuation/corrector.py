@@ -234,11 +234,8 @@ class Corrector:
             size = b.length(t)
             if not 0 < size < _NEARLY_SINGULAR:
                 continue
-            along = float(row.dot(t))  # component along the row
-            ahead = along if direction is towards else b.inner(t, towards)
-            sense = 1.0 if ahead >= 0 else -1.0
-            t.scale(sense / size)
-            b.sense = sense * float(np.sign(along))
+            ahead = float(row.dot(t)) if direction is towards else b.inner(t, towards)
+            t.scale((1.0 if ahead >= 0 else -1.0) / size)
             return t
         return None
 
@@ -259,13 +256,6 @@ class Corrector:
         away.scale(2.0 / along)
         away.axpy(-1.0, t)
         return away
-
-    def orientation(self) -> float:
-        """Return the sign of det [grad H; t^T] for the last tangent t computed by `tangent`.
-
-        Along a branch this sign changes only at bifurcations.
-        """
-        return self.bordered.solver.determinant_sign() * self.bordered.sense
 
     def _solve(
         self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any

@@ -235,6 +235,7 @@ class Factorised:
         prefix: prefix of PETSc options.
     """
 
+    row: PETSc.Vec
     precision = 1e-12
     is_direct = True
 
@@ -282,6 +283,7 @@ class Factorised:
         x, gamma = self._layout.split(y)
         system.jacobian(x, gamma, piece)
         system.parameter_derivative(x, gamma, self._c, piece)
+        self.row = row
         self._bordered.assemble(system.matrix, self._c, row)
         x.copy(self._at)
         self._is_current = False

@@ -67,6 +67,7 @@ class Krylov:
         preconditioner: preconditioner of H_x.
     """
 
+    row: PETSc.Vec
     precision = 1e-8
     is_direct = False
     factorisations = 0
@@ -116,6 +117,7 @@ class Krylov:
         layout = self._layout
         x, gamma = layout.split(y)
         self._sign = None
+        self.row = row
         self._w.array[:] = row.array_r[: layout.local]
         self._corner = layout.gamma(row)
         self._layout.system.parameter_derivative(x, gamma, self._c, piece)

@@ -233,7 +233,7 @@ class Locator:
                 special.append((s, SpecialPoint("fold", True, b.gamma(y), y)))
         if point.tau * new.tau < 0:
             taus = point.tau, new.tau
-            zero = self.locate(point, new.y, taus, lambda _y, _t: self.test(), piece=piece)
+            zero = self.locate(point, new.y, taus, lambda _y, t: self.test(t), piece=piece)
             if zero is not None:
                 s, y = zero
                 kernel = self.test.kernel()
@@ -282,5 +282,5 @@ class Locator:
             # the border row has changed, and with it the test function
             b.x_scale_is_new = False
             self.corrector.tangent(point.y, point.tangent, point.piece)
-            return replace(point, tau=self.test(accepted=True))
+            return replace(point, tau=self.test(point.tangent, accepted=True))
         return point

@@ -177,7 +177,7 @@ class ExactSteps(Locator):
             return None
         self.corrector.scales = scales
         # the factorisation of the tangent serves the test function as well
-        tau = self.test(accepted=True)
+        tau = self.test(tangent, accepted=True)
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
@@ -187,7 +187,7 @@ class ExactSteps(Locator):
             return None
         corrections = self.corrector.iterations
         gamma = self.bordered.gamma(y)
-        return BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
+        return BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test(tangent))
 
     def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
         """Return True if a corrected state continues the branch.
@@ -409,7 +409,7 @@ class _StepsOnH(ExactSteps):
         new = self.new_point(point, h, corrected, piece, factorise=bool(changes))
         if new is None or not changes:
             return _Trial(new, changes)
-        after = self.corrector.orientation()
+        after = b.orientation(new.tangent)
         self._oriented = (y, after)
         parity = int(before * after)
         # gamma continues by less than both rates predict if there are two folds in between
@@ -423,7 +423,7 @@ class _StepsOnH(ExactSteps):
         """Return the sign of det [grad H; t^T] at a point; 0 if the matrix is singular."""
         if self._oriented is None or self._oriented[0] is not point.y:
             t = self.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
-            self._oriented = (point.y, self.corrector.orientation() if t is not None else 0.0)
+            self._oriented = (point.y, 0.0 if t is None else self.bordered.orientation(t))
         return self._oriented[1]
 
     def _keep_orientation(self, point: BranchPoint, new: BranchPoint) -> None:

@@ -79,9 +79,9 @@ def follow_vee(solver, kinks, *options):
         branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         signs = []
         for point in branch.points[::5]:
-            follower.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
+            t = follower.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
             sense = np.sign(follower.bordered.gamma(point.tangent))
-            signs.append(follower.corrector.orientation() * sense)
+            signs.append(follower.bordered.orientation(t) * sense)
     letters = [body.letters(p.piece) for p in branch.points]
     return branch, letters, signs
 
