@@ -29,7 +29,7 @@ these. The parameter of a branch may occur in them; the branch is then followed 
 user-defined law supports pivoting in 2D if, for each status, the required traction is linear in
 jump and traction and all borders pass through zero. A user-defined bond, with or without memory, is
 an `Interface`: an energy and a dissipation potential. In histories `Regularised` requires a
-``speed``, and `NormalCompliance` supports no tangential springs.
+``speed``.
 """
 
 from typing import TYPE_CHECKING

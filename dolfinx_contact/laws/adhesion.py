@@ -115,13 +115,10 @@ class RCCM(Law):
         one_of(self.order, "the order of RCCM in time", (1, 2))
         flag(self.recovers, "recovers of RCCM")
         soft = self.contact
-        alone = isinstance(soft, NormalCompliance) and (
-            isinstance(soft.friction, Frictionless) and soft.tangential is None
-        )
-        if not (soft is None or alone):
+        smooth = isinstance(soft, NormalCompliance) and isinstance(soft.friction, Frictionless)
+        if not (soft is None or smooth):
             raise ValueError(
-                "contact of RCCM must be None or a NormalCompliance without friction and "
-                f"tangential stiffness, got {soft!r}"
+                f"contact of RCCM must be None or a NormalCompliance without friction, got {soft!r}"
             )
         super().__post_init__()
 

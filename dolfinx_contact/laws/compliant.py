@@ -55,8 +55,6 @@ class _AroundFriction(FrictionLaw):
 
     friction: FrictionLaw
     bound_kind = None
-    #: Fields for which the shear depends only on the slip of the current step.
-    in_steps: ClassVar[tuple[str, ...]]
 
     @property
     def name(self) -> str:
@@ -68,8 +66,7 @@ class _AroundFriction(FrictionLaw):
 
     @property
     def needs_time(self) -> tuple[str, ...]:  # type: ignore[override]
-        inside = (f"friction.{name}" for name in self.friction.needs_time)
-        return (*(k for k in self.in_steps if getattr(self, k) is not None), *inside)
+        return tuple(f"friction.{name}" for name in self.friction.needs_time)
 
     @property
     def creeps(self) -> bool:  # type: ignore[override]
@@ -100,9 +97,6 @@ class NormalCompliance(_AroundFriction):
             Constant, a Function or a UFL expression.
         exponent: exponent m >= 1, a number.
         friction: friction law evaluated at this pressure; default: frictionless.
-        tangential: tangential stiffness C_t of the surface, traction per length. The shear is -C_t
-            u_t until the point slips (for m = 1, penalised Coulomb friction). None (default): the
-            point sticks until it slips.
 
     Raises:
         ValueError: if the exponent is below 1, or if ``friction`` is not a friction law.
@@ -111,11 +105,9 @@ class NormalCompliance(_AroundFriction):
     stiffness: Scalar
     exponent: float = 1.0
     friction: FrictionLaw = field(default_factory=Frictionless)
-    tangential: Scalar | None = None
     options = ("exponent",)
-    in_steps = ("tangential",)
     compliant = True
-    signs: ClassVar[Mapping[str, Sign]] = {"stiffness": "positive", "tangential": "positive"}
+    signs: ClassVar[Mapping[str, Sign]] = {"stiffness": "positive"}
 
     def __post_init__(self) -> None:
         m = self.exponent
@@ -129,26 +121,19 @@ class NormalCompliance(_AroundFriction):
             )
         super().__post_init__()
 
-    def lacks(self, *, history: bool) -> str:
-        if history and self.tangential is not None:
-            return "a memory of the stretch of its tangential springs: omit tangential"
-        return super().lacks(history=history)
-
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         return self.friction.pieces(self.with_pressure(a))
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """Return the contact point with pressure and shear of the springs."""
+        """Return the contact point with the pressure of the springs."""
         C = self.stiffness
-        C_t = self.tangential
         m = self.exponent
-        shear = None if C_t is None else C_t / (C_t + a.r) * a.s
         if m == 1:
-            return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
+            return replace(a, pressure=C / (C + a.r) * a.p)
         size = ufl.conditional(ufl.ge(a.u_n, 0.0), a.u_n, -a.u_n)
         # The slope of u |u|^(m - 1) must vanish at zero.
         power = ufl.conditional(ufl.gt(size, _TINY), size, _TINY) ** (m - 1.0)
-        return replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
+        return replace(a, pressure=C * a.u_n * power, touches=a.r * a.u_n)
 
 
 @constant_law
@@ -179,7 +164,6 @@ class Regularised(_AroundFriction):
     shape: str = "tanh"
     speed: Scalar | None = None
     options = ("shape",)
-    in_steps = ("width", "speed")
     creeps = True
     signs: ClassVar[Mapping[str, Sign]] = {"width": "positive", "speed": "positive"}
 
@@ -200,6 +184,11 @@ class Regularised(_AroundFriction):
         if not history and self.width is None:
             return "a width, as it has no velocities: Regularised(..., width=...)"
         return ""
+
+    @property
+    def needs_time(self) -> tuple[str, ...]:  # type: ignore[override]
+        scales = (name for name in ("width", "speed") if getattr(self, name) is not None)
+        return (*scales, *super().needs_time)
 
     def _eps(self, a: ContactPoint) -> Any:
         """Return the slip at x = 1."""

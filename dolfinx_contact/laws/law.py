@@ -68,12 +68,10 @@ class Kernel(NamedTuple):
     """Kernel for averaging the pressures of neighbouring points (`spreading`).
 
     Attributes:
-        shape: name of the kernel.
         radius: radius of the kernel, a length.
         normalised: whether a constant pressure is preserved.
     """
 
-    shape: str
     radius: float
     normalised: bool
 

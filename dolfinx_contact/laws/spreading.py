@@ -15,7 +15,7 @@ an open point next to a closed point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar
@@ -25,36 +25,28 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._validate import flag, one_of, positive
+from dolfinx_contact._validate import flag, positive
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign, constant_law
 
-__all__ = ["KERNELS", "NonlocalCoulomb", "whole"]
+__all__ = ["NonlocalCoulomb", "kernel", "kernel_integral"]
 
 Array = npt.NDArray[np.float64]
 
 
-def _mollifier(x: Array) -> Array:
+def kernel(x: Array) -> Array:
+    """Return omega(x) = exp(1 - 1/(1 - x^2)) for x < 1, otherwise 0, with x = distance/radius."""
     inside = np.minimum(np.asarray(x) ** 2, 1.0 - 1e-12)
     return np.asarray(np.where(np.asarray(x) < 1.0, np.exp(1.0 - 1.0 / (1.0 - inside)), 0.0))
 
 
-def _biweight(x: Array) -> Array:
-    return np.maximum(1.0 - np.asarray(x) ** 2, 0.0) ** 2
-
-
-#: Functions of x = distance/radius, zero for x >= 1: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
-KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweight": _biweight}
-
-
 @cache
-def whole(shape: str, dim: int) -> float:
-    """Integrate a kernel of radius 1 over the line (``dim`` = 2) or the plane (3)."""
+def kernel_integral(dim: int) -> float:
+    """Return the integral of omega(|x|) over the line (``dim`` = 2) or the plane (3)."""
     from scipy.integrate import quad  # only needed by this law
 
-    omega = KERNELS[shape]
     ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
-    return float(quad(lambda x: float(omega(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])
+    return float(quad(lambda x: float(kernel(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])
 
 
 @constant_law
@@ -68,41 +60,36 @@ class NonlocalCoulomb(FrictionLaw):
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
         radius: radius rho > 0 of the kernel, a length, a number.
-        kernel: shape of the kernel as a function of x = distance/radius: ``"mollifier"``, exp(-1/(1
-            - x^2)), or ``"biweight"``, (1 - x^2)^2.
         normalised: whether a constant pressure is preserved at the ends of the surface; if False,
             the plain convolution is used.
 
     Raises:
-        ValueError: if the radius is not a positive number, the kernel is unknown, or ``normalised``
-            is not a bool.
+        ValueError: if the radius is not a positive number, or ``normalised`` is not a bool.
     """
 
     friction: Scalar
     radius: float
-    kernel: str = "mollifier"
     normalised: bool = True
     needs_pressure = False
     signs: ClassVar[Mapping[str, Sign]] = {"friction": "nonnegative"}
 
-    options = ("radius", "kernel", "normalised")
+    options = ("radius", "normalised")
 
     def __post_init__(self) -> None:
         radius = positive(
             self.radius, "the radius of NonlocalCoulomb", "a finite and positive number"
         )
         object.__setattr__(self, "radius", radius)
-        one_of(self.kernel, "the kernel of NonlocalCoulomb", KERNELS)
         flag(self.normalised, "normalised of NonlocalCoulomb")
         super().__post_init__()
 
     @property
     def name(self) -> str:
-        return f"NonlocalCoulomb({self.radius:g}, {self.kernel})"
+        return f"NonlocalCoulomb({self.radius:g})"
 
     @property
     def averaging(self) -> Kernel:  # type: ignore[override]
-        return Kernel(self.kernel, self.radius, self.normalised)
+        return Kernel(self.radius, self.normalised)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * a.around

@@ -18,7 +18,7 @@ from dolfinx_contact._geometry import dot
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.answers import Spreading
-from dolfinx_contact.laws.spreading import KERNELS, whole
+from dolfinx_contact.laws.spreading import kernel, kernel_integral
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
@@ -45,20 +45,20 @@ class Neighbours:
     @property
     def matrix(self) -> PETSc.Mat:
         """Matrix N, assembled again if areas have been redistributed. Collective."""
-        points, kernel = self._points, self._kernel
+        points, radius = self._points, self._kernel.radius
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas
             comm, x = points.comm, points.positions
             n, dim = x.shape
             first = comm.exscan(n) or 0
             known = {"x": x, "area": points.areas, "number": first + np.arange(n)}
-            i, found = around(comm, known, {"x": x, "reach": np.full(n, kernel.radius)})
+            i, found = around(comm, known, {"x": x, "reach": np.full(n, radius)})
             away = np.linalg.norm(x[i] - found["x"], axis=1)
-            weights = found["area"] * KERNELS[kernel.shape](away / kernel.radius)
-            if kernel.normalised:
+            weights = found["area"] * kernel(away / radius)
+            if self._kernel.normalised:
                 weights = weights / np.bincount(i, weights, minlength=n)[i]
             else:
-                weights /= whole(kernel.shape, dim) * kernel.radius ** (dim - 1)
+                weights /= kernel_integral(dim) * radius ** (dim - 1)
             self._matrix = triplet_matrix(comm, (n, n), first + i, found["number"], weights)
         return self._matrix
 
@@ -80,9 +80,8 @@ class LawAmongPoints(LawAtPoints):
 
     def __init__(self, law: Law, points: ContactPoints):
         super().__init__(law, points.dim, points.number, points.comm)
-        kernel = law.averaging
-        assert kernel is not None
-        self.neighbours = Neighbours(points, kernel)
+        assert law.averaging is not None
+        self.neighbours = Neighbours(points, law.averaging)
 
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None

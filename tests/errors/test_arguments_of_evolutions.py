@@ -6,14 +6,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import box, facets
+from support.blocks import facets
 from support.bonds import C, W, bar
 from support.histories import cycle, dragged
 from support.histories import falling_block as block
 from support.textbook import one_node, pitchfork, smooth, start
 
 import ufl
-from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
@@ -48,10 +47,6 @@ ENDS = (0.0, 8 * np.sqrt(W / C))
             "RCCM answers to the time or length of a step, by its vis",
         ),
         (Regularised(Coulomb(0.3), 0.1), "length of a step, by its width; a path"),
-        (
-            NormalCompliance(1e3, friction=Coulomb(0.3), tangential=10.0),
-            "length of a step, by its tangential; a path",
-        ),
         (
             NormalCompliance(1e3, friction=Regularised(Coulomb(0.3), 0.1)),
             "length of a step, by its friction.width; a path",
@@ -152,27 +147,12 @@ def test_evolution_series_refuses_intervals(history, every):
         io.EvolutionSeries("unwritten", history.problem, every=every)
 
 
-def springs_of_a_mean():
-    """A block on springs whose stretch is averaged, which a history cannot remember."""
-    domain = box(COMM, 2, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    law = NormalCompliance(1.0, friction=Coulomb(0.3), tangential=1.0)
-    floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law)
-    return ContactProblem(LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx, u, [surface])
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("problem", "load", "message"),
     [
         (lambda: None, lambda _: None, "problem must be a ContactProblem"),
         (lambda: dragged(n=2)[0], 1.0, "a function of the time"),
-        (
-            springs_of_a_mean,
-            lambda _: None,
-            "lacks a memory of the stretch of its tangential springs",
-        ),
     ],
 )
 def test_history_refuses_problems_and_loads(problem, load, message):
