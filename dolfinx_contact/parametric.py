@@ -32,7 +32,7 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.several_solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import Datum, data_within, placed_data
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN

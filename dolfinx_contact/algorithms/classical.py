@@ -29,7 +29,7 @@ from dolfinx_contact.algorithms import (
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales, diverged, measure
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.attempts import (

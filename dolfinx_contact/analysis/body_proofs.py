@@ -18,7 +18,7 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import JacobianSolver
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.proofs.check_proof import ReducedProblem

@@ -13,6 +13,6 @@ In the order in which a static solve needs them:
 - `measures`: relative residuals, and detection of unphysical states.
 - `jacobian`: derivative of H; `sliding`: its terms for faces sliding over each other.
 
-Other uses: `parametric` with `rates` is H(x, gamma) for the continuation, and `state` is the frozen
-`State` of users.
+Other uses: `parametric_equations` with `rates` is H(x, gamma) for the continuation, and `state` is
+the frozen `State` of users.
 """

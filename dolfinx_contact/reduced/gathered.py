@@ -12,7 +12,7 @@ import numpy.typing as npt
 from dolfinx_contact._arrays import Array, Codes, Ints, Mask
 from dolfinx_contact._geometry import Gathered, unit_tangents
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import cones
 from dolfinx_contact.laws.status import OPEN

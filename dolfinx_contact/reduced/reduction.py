@@ -49,7 +49,7 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import RigidTerm, SurfaceTerm
 from dolfinx_contact.equations.measures import Scales, measure
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.reduced.constrained_body import (
     ROUND_OFF,
     ConstrainedBody,

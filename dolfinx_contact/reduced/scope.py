@@ -9,7 +9,7 @@ import numpy as np
 
 from dolfinx_contact._mpi import any_rank, anywhere, require
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
 from dolfinx_contact.laws.status import STICK
 

@@ -141,9 +141,9 @@ _MESSAGES = {
     "growth": "points that came into contact under the load account for {:.0%} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
-    "pressure": "the mean contact pressure is {:.2g} times the modulus of a linear body, and linear "
-    "elasticity assumes small strains; use materials.NeoHookean, or the same units for moduli, "
-    "displacements and loads",
+    "pressure": "the mean contact pressure is {:.2g} times the modulus of a linear body, and "
+    "linear elasticity assumes small strains; use materials.NeoHookean, or the same units for "
+    "moduli, displacements and loads",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",

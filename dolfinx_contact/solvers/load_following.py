@@ -20,7 +20,7 @@ from dolfinx_contact._mpi import maximum
 from dolfinx_contact.continuation import Follower, Piece, StepControl
 from dolfinx_contact.equations.constraints import Ramp
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.solvers.attempts import Attempt
 from dolfinx_contact.solvers.newton import LinearSolver, Newton
 
