@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Output: fields for ParaView, tables, summaries, and progress messages of scripts."""
 
-from dolfinx_contact.io.evolution import EvolutionSeries
+from dolfinx_contact.io.evolution_series import EvolutionSeries
 from dolfinx_contact.io.fields import write_fields
 from dolfinx_contact.io.files import output_folder, write_summary
 from dolfinx_contact.io.report import Report

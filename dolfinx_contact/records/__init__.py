@@ -16,9 +16,9 @@ from dolfinx_contact.records.journal import (
 )
 
 if TYPE_CHECKING:
+    from dolfinx_contact.records.branch_entries import journal_of
     from dolfinx_contact.records.branch_record import BranchRecord
     from dolfinx_contact.records.functionals import leftmost, rightmost, total
-    from dolfinx_contact.records.points import journal_of
     from dolfinx_contact.records.series import write_series
     from dolfinx_contact.records.steps_record import EvolutionRecord, PathRecord
 

@@ -32,10 +32,10 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.equations.data import data_within
+from dolfinx_contact.records.branch_entries import BranchEntries
 from dolfinx_contact.records.functionals import Functional, evaluators
 from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, memory_of, values_of
-from dolfinx_contact.records.points import BranchEntries
 from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:

@@ -37,13 +37,13 @@ from dolfinx_contact.evolution.run import Listeners, Runnable, RunState
 from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.evolution.through_times import HistoryTask
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.records.branch_entries import BranchEntries
 from dolfinx_contact.records.journal import (
     Entry,
     EvolutionJournal,
     PathJournal,
 )
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
-from dolfinx_contact.records.points import BranchEntries
 from dolfinx_contact.records.record import Record, Resume
 
 __all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]

@@ -24,7 +24,7 @@ from dolfinx_contact._validate import ReadOnly, copy_with, nonnegative, number, 
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
-from dolfinx_contact.rigid_surfaces.files import facets_in
+from dolfinx_contact.rigid_surfaces.facet_files import facets_in
 from dolfinx_contact.rigid_surfaces.triangulation import merged, triangulated
 
 __all__ = ["RigidSurface"]
