@@ -625,6 +625,12 @@ class ContactProblem(ReadOnly):
             yield self._as_written() if problem is self else problem
 
     @contextmanager
+    def _evaluated(self, state: State | None) -> Iterator[tuple[ContactEquations, Evaluation]]:
+        """Like `at`, with the equations of that step and the evaluation of H. Collective."""
+        with self.at(state) as problem:
+            yield problem.equations, problem.evaluate()
+
+    @contextmanager
     def _shown(self, state: State | None) -> Iterator[ContactProblem]:
         """Like `at`; without a state, the Functions are used under the law of this problem.
 
@@ -666,9 +672,7 @@ class ContactProblem(ReadOnly):
             state: state to evaluate; default: present values of the Functions.
         """
         number = self.surfaces.index(self.discrete(surface))
-        with self.at(state) as problem:
-            eq = problem.equations
-            evaluation = problem.evaluate()
+        with self._evaluated(state) as (eq, evaluation):
             return contact_table(eq, number, evaluation, support_at_nodes(eq, evaluation))
 
     def tables(self, *, state: State | None = None) -> dict[str, ContactTable]:
@@ -677,9 +681,7 @@ class ContactProblem(ReadOnly):
         Args:
             state: state to evaluate; default: present values of the Functions.
         """
-        with self.at(state) as problem:
-            eq = problem.equations
-            evaluation = problem.evaluate()
+        with self._evaluated(state) as (eq, evaluation):
             return contact_tables(eq, evaluation, support_at_nodes(eq, evaluation))
 
     def contact_fields(
@@ -732,8 +734,8 @@ class ContactProblem(ReadOnly):
         from dolfinx_contact.results.surface_fields import contact_fields
 
         number = self.surfaces.index(self.discrete(surface))
-        with self.at(state) as problem:
-            return contact_fields(problem.equations, number, problem.evaluate())
+        with self._evaluated(state) as (eq, evaluation):
+            return contact_fields(eq, number, evaluation)
 
     def support_forces(
         self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
@@ -748,8 +750,8 @@ class ContactProblem(ReadOnly):
             Reaction forces, shape (vertices, dim); 0 in free components.
         """
         s = self.discrete(surface)
-        with self.at(state) as problem:
-            reactions = support_at_nodes(self.equations, problem.evaluate())
+        with self._evaluated(state) as (eq, evaluation):
+            reactions = support_at_nodes(eq, evaluation)
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_nodes, reactions)
 
     def discrete(self, surface: Contact | DiscreteSurface | str) -> DiscreteSurface:
