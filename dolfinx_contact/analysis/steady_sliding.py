@@ -38,7 +38,7 @@ from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._petsc import destroy, staged
-from dolfinx_contact._validate import ReadOnly, count, flag, nonnegative, positive
+from dolfinx_contact._validate import ReadOnly, count, nonnegative, positive
 from dolfinx_contact.analysis.rows import (
     Problem,
     on_gathered,
@@ -109,7 +109,6 @@ class Onset:
 
 
 def _check(a: Arguments) -> None:
-    flag(a.hold_across, "hold_across")
     a.count = count(a.count, "count")
 
 
@@ -135,7 +134,6 @@ class SteadySliding(ReadOnly):
             Functions.
         density: mass density: a number, Constant, Function or UFL expression.
         damping: damping time eta of C = eta K, or a UFL form C(trial, test).
-        hold_across: whether transverse slip is held in 3D.
         dense: whether all eigenvalues are computed; by default up to 700 unknowns.
         count: number of eigenvalues nearest to zero that SLEPc computes if not all are computed.
 
@@ -151,7 +149,6 @@ class SteadySliding(ReadOnly):
         *,
         density: Any,
         damping: float | ufl.Form = 0.0,
-        hold_across: bool = False,
         dense: bool | None = None,
         count: int = 40,
     ):
@@ -162,7 +159,7 @@ class SteadySliding(ReadOnly):
         if isinstance(direction, str):
             require_solution(problem)
         pattern = SlipPattern.of(eq, direction, evaluation)
-        self._slip = Slip(eq, pattern, hold_across=hold_across)
+        self._slip = Slip(eq, pattern, hold_across=False)
         self._body = body_of(eq, evaluation.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
         self._count = count
