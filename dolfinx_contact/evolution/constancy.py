@@ -55,11 +55,6 @@ class Constancy:
                 return next(w for w in told if w)
         return ""
 
-    def restore(self) -> None:
-        """Restore the original values exactly. Not collective."""
-        for d, values in zip(self._data, self._values, strict=True):
-            d.values[...] = values
-
 
 def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return absolute differences of two arrays.

@@ -51,7 +51,6 @@ class DrawnObstacle:
         x: coordinates of its vertices, shape (m, dim).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle, shape (m, dim).
-        is_opposite: whether each vertex is the point opposite to a vertex of a contact surface.
         formula: formula from which `around` extracts the facets; None if the facets are final.
         inside: in 2D the interior of the obstacle, as points and codes of matplotlib paths; () if
             the obstacle is drawn as a thin band.
@@ -60,7 +59,6 @@ class DrawnObstacle:
     x: Array
     cells: Cells
     n: Array
-    is_opposite: bool = False
     formula: _Formula | None = None
     inside: Sequence[tuple[Array, npt.NDArray[np.uint8]]] = ()
 
@@ -97,8 +95,7 @@ def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
     if not face:
         return DrawnObstacle(np.zeros((0, s.dim)), np.zeros((0, s.dim), int), np.zeros((0, s.dim)))
     x = face["floor"][:, : s.dim] + scale * face["moved"]
-    is_opposite = s.obstacle.outline is None
-    return DrawnObstacle(x, face["cells"], unit(face["n"]), is_opposite, formula)
+    return DrawnObstacle(x, face["cells"], unit(face["n"]), formula)
 
 
 class _Formula:

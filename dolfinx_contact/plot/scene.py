@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import unwrap
@@ -16,7 +15,7 @@ import numpy.typing as npt
 import ufl
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._geometry import by_coordinates, connected_parts, dot, unit
+from dolfinx_contact._geometry import by_coordinates, connected_parts, unit
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import flag, number, one_of, vector
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Look", "Scene", "check_look", "check_units", "framed", "scene_of"]
 
-logger = logging.getLogger(__name__)
-
 #: An axis by its name, with a sign, or a vector.
 ViewDirection: TypeAlias = str | Sequence[float]
 
@@ -46,14 +43,9 @@ _AXES: dict[str, Array] = {
 }
 _TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies without a field
 _FIELD = "Spectral_r"  # colour map of fields
-_OVERLAP = 0.005  # visible overlap of a magnified body and an obstacle, relative to the body
 _ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
 _RIM = 0.1  # width of the visible rim around the bodies, relative to their size
 _LARGE = 1.2  # size of an obstacle from which on a part may be invisible, relative to the bodies
-_DRAWN_THROUGH = (
-    "%r is drawn through its obstacle: the displacement is magnified %g times, the initial gap is "
-    "not"
-)
 
 
 class Look(TypedDict, total=False):
@@ -323,13 +315,12 @@ def scene_of(
     body = outside.gather(local, whole=view.clip is not None)
     slaves, masters = outside.faces(body)
     rigid = [s for s in problem.surfaces if not s.between_bodies]
-    obstacles = {s.name: obstacle_of(s, scale) for s in rigid}
+    obstacles = [obstacle_of(s, scale) for s in rigid]
     if not body:
         return None
     x = body["x"][:, : problem.V.mesh.geometry.dim] + scale * body["u"]
     if scale != 1:
         title = title_of(title, f"displacement x {scale:g}")
-        _warn_of_overlaps(obstacles, x, slaves, scale)
     values = body.get("field")
     if values is not None and not np.isfinite(values).all():
         label += " (grey: not a number)"
@@ -339,7 +330,7 @@ def scene_of(
         cells=body["cells"],
         slaves=list(slaves.values()),
         masters=list(masters.values()),
-        obstacles=list(obstacles.values()),
+        obstacles=obstacles,
         values=values,
         label=label,
         title=title,
@@ -348,24 +339,6 @@ def scene_of(
         letters=letters,
         visible=x,
     )
-
-
-def _warn_of_overlaps(
-    obstacles: Mapping[str, DrawnObstacle], x: Array, slaves: Mapping[str, Cells], scale: float
-) -> None:
-    """Warn if a magnified body overlaps an obstacle in the picture.
-
-    Args:
-        obstacles: obstacles by name of the contact surface.
-        x: positions of the displaced vertices, shape (n, dim).
-        slaves: vertices of the facets of each contact surface, by name.
-        scale: factor by which the displacement is multiplied.
-    """
-    size = float(np.max(np.ptp(x, axis=0)))
-    for name, o in obstacles.items():
-        depths = dot(x[np.unique(slaves[name])] - o.x, o.n) if o.is_opposite else 0.0
-        if np.max(depths, initial=0.0) > _OVERLAP * size:
-            logger.warning(_DRAWN_THROUGH, name, scale)
 
 
 def _points_at_vertices(
