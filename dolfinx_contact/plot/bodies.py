@@ -82,7 +82,7 @@ def picture_of_body(
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), or one for each cell tag as in
             `write_fields`. The colours are the von Mises stress, averaged to the vertices.
         scale: factor by which the displacement and the motion of obstacles are multiplied, default
-            1; a factor other than 1 is added to the title. The initial gap is not magnified, so that
+            1; a factor other than 1 is added to the title. The initial gap is not magnified; hence
             a magnified body may overlap an obstacle in the picture.
         title: title of the picture; default: "Deformed body", with the time or load of the state.
         **look: field, view, clip, arrows, region, edges, units: see `Look`.

@@ -239,7 +239,7 @@ class Ball:
         return Ball.of(other) - self
 
     def __truediv__(self, other: Ball | npt.ArrayLike) -> Ball:
-        """Return the quotient; the radius is infinite if the denominator may be zero."""
+        """Return the quotient; its radius is infinite if the denominator may be zero."""
         b = Ball.of(other)
         least = down(np.maximum(np.abs(b.value) - b.radius * (1 + gamma(0)), 0))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -551,7 +551,7 @@ _USED_FREE[2] = [True, True, False, False, False, True]
 
 @dataclass(frozen=True, eq=False)
 class _Ellipsoid:
-    """Energy ellipsoid (see above), enlarged by round-off and errors of the data.
+    """Ellipsoid a.S a <= p.a of all solutions, enlarged by round-off and errors of the data.
 
     Attributes:
         twice: approximation of S^-1 p, twice the centre, shape (n,) with n = dim m.
@@ -709,7 +709,7 @@ class Dual:
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the bounded quantities that appear in L (see above) at each point, shape (m, 6).
+        """Mask of the bounded quantities that appear in y.(S a - r) at each point, shape (m, 6).
 
         Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
         directly, without s+ and s-.
@@ -727,7 +727,9 @@ class Dual:
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
     def least(self, ub: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return h_is (see above) for each point i and status s, shape (m, 7).
+        """Return the least value of the terms of each point in y.(S a - r), shape (m, 7).
+
+        The second axis is the status of the point.
 
         Args:
             ub: bounds of the quantities (`bounded`), shape (6, m).
@@ -1273,7 +1275,10 @@ def directions(q: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells (see above) of all contact points, k in total, sorted by point.
+    """Cells of all contact points, k in total, sorted by point.
+
+    A cell is a set of states of a point in space: open, closed, stick, or slip along an arc of
+    directions.
 
     Attributes:
         node: index of the point of each cell, in increasing order, shape (k,).
@@ -1441,14 +1446,14 @@ class SpaceDual:
         return float(self.y @ self.problem.p)
 
     def least(self, cells: Cells, most: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return h_ic (see above) for each cell, shape (k,).
+        """Return the least value of the terms of each cell in y.(S a - r), shape (k,).
 
         Args:
             cells: cells of all points.
             most: upper bounds of the quantities, shape (MOST, m).
-            less: index of a quantity and index of a point; this quantity is subtracted from L. At
-                this point, h is infinite for the kinds of cells in which the quantity has no bound.
-                None for no change.
+            less: index of a quantity and index of a point; this quantity is subtracted from the
+                sum. At this point, the result is infinite for the kinds of cells in which the
+                quantity has no bound. None for no change.
         """
         found = np.empty(len(cells))
         m = self.problem.points
@@ -1831,7 +1836,7 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """Contribution (middle +- width) * vector to a column of the interval matrix M above.
+    """Contribution (middle +- width) * vector to a column of the interval matrix of `only_one`.
 
     Attributes:
         column: index of the column.
@@ -1887,7 +1892,7 @@ def angles_of(
 
 
 def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
-    """Return the terms of a slipping point in the interval matrix M above.
+    """Return the terms of a slipping point in the interval matrix of `only_one`.
 
     None if the arcs of the point are too wide.
 
@@ -1992,7 +1997,7 @@ _ROWS = 6  # (d_1, d_2, d_n, e_1, e_2, e_n) of a point
 
 @dataclass(frozen=True, eq=False)
 class SpaceDifferences:
-    """Inequalities of all points as quadratic forms of (d, e), see above.
+    """Inequalities of all points as quadratic forms of a difference d of solutions and e = S d.
 
     Attributes:
         problem: scaled reduced problem.
@@ -2212,7 +2217,7 @@ def _tangential(
     f: tuple[Ball, Ball],
     slid: float,
 ) -> None:
-    """Add the form T (see above) of a point with Coulomb friction."""
+    """Add the form T (`FAMILIES`) of a point with Coulomb friction."""
     if slid < 0:
         return
     F = float(piece.problem.friction[i])
@@ -2237,7 +2242,7 @@ def _largest_pressure(most: Array, i: int, kinds: frozenset[int]) -> float:
 
 
 def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms) -> bool:
-    """Add the forms N and H (see above) of a point with open and closed cells.
+    """Add the forms N and H (`FAMILIES`) of a point with open and closed cells.
 
     Return whether b provably satisfies the conditions of its status.
     """
@@ -2262,7 +2267,7 @@ def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made:
 def _of_arcs(
     piece: SpacePiece, cells: Cells, most: Array, i: int, made: _Forms, opens: bool
 ) -> None:
-    """Add the forms A, Q and P (see above) of a point that slips in b and has no stick cell."""
+    """Add the forms A, Q and P (`FAMILIES`) of a point that slips in b and has no stick cell."""
     found = angles_of(piece, cells, i)
     far = np.inf if found is None else max(abs(found[0]), abs(found[1]))
     if far >= 2.8:
@@ -2356,7 +2361,7 @@ class Certificate:
 
     Attributes:
         problem: reduced problem in the units of the user.
-        steps: steps of the proof, in the format above; by default empty.
+        steps: steps of the proof, in the format of the section "the proof as data"; by default empty.
         vectors: multipliers of the equations S a - r = p, in scaled units, shape (dim m,) each;
             by default empty.
         force_unit: value of one unit of p in the user's unit of force, by which printed forces are
@@ -2884,7 +2889,7 @@ def follow(
 
     Args:
         certificate: proof containing the step.
-        step: step in the format above.
+        step: step of the proof.
         region: region on which the step acts; changed by the step ``bound``.
         proved: container to which the proved statements are added.
 
