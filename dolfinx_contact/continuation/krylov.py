@@ -42,7 +42,7 @@ __all__ = ["Krylov"]
 
 logger = logging.getLogger(__name__)
 
-_PRECISE = 1e-9  # default relative residual
+_PRECISE = 1e-9  # default relative residual of a solve
 # The relative residual of solves that determine the sign of the determinant is the smaller of
 # _SIGN and _BELOW / sqrt(N), which is well below the component of a random right-hand side along
 # one of N eigenvectors.

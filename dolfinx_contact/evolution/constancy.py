@@ -50,7 +50,7 @@ class Constancy:
                 text = d.place
                 if not hasattr(d.value, "x"):
                     text += f" ({v.tolist()} before, {d.values.tolist()} now)"
-                # In the words of a rank on which it has changed.
+                # the text comes from a rank on which the datum has changed
                 told = self._comm.allgather(text if here > 0 and not here <= _SAME * size else "")
                 return next(w for w in told if w)
         return ""

@@ -27,7 +27,7 @@ _COLUMNS = (
 _COLOURED = ("pressure", "shear", "bound", "un", "ut")
 _GROUP = 16  # number of states whose tables are decoded together
 _CANDIDATES = 8  # number of facets that are tried for a point
-_SMALL = 0.03  # motions below this fraction of the size of the body are exaggerated
+_SMALL = 0.03  # motions below this fraction of the size of the body are magnified
 _SHOWN = 0.1  # to at most this fraction
 
 

@@ -293,7 +293,7 @@ class Law:
     needs_pressure: bool = True
     #: Admissible sign of each field, by name; default: any number.
     signs: ClassVar[Mapping[str, Sign]] = {}
-    #: Names of the fields that are no values at points, such as an exponent or a flag.
+    #: Names of the fields that are not values at points, such as an exponent or a flag.
     options: ClassVar[tuple[str, ...]] = ()
     #: Dependence of `bound` on the pressure for unilateral contact with isotropic friction (a zero
     #: bound counts as proportional); None for any other law.

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
 
-_PIXELS = 180  # of the width of a picture in an inch of the body
-_ACROSS = 1600.0  # pixels of the longer side of a picture, about
+_PIXELS = 180  # pixels per inch of a picture
+_ACROSS = 1600.0  # approximate number of pixels along the longer side of a picture
 
 
 def _check_options(a: Arguments) -> None:

@@ -24,7 +24,7 @@ Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
 
 _REFERENCE_STYLES = (":", "--", "-.")
 _FEW = 20  # number of points up to which the points of a line are marked
-_HATCH = "///"  # of cells without a proof
+_HATCH = "///"  # hatch of cells without a proof
 
 
 def draw_curves(

@@ -38,7 +38,7 @@ _OPEN = "#9a5b00"
 _LONGEST_NAME = 60  # characters of a name in the legend
 _LEGEND_COLUMNS = 2
 _LEGEND_ROW = 0.2  # height of a row of the legend, in inches
-_MANY = 60  # number of contact points from which on strips show counts
+_MANY = 60  # number of contact points above which strips show counts
 
 
 def draw_diagram(

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 __all__ = ["DrawnObstacle", "obstacle_of"]
 
-_NUMBER = {2: 201, 3: 49}  # of grid points along an axis, by dimension
+_NUMBER = {2: 201, 3: 49}  # number of grid points along an axis, by dimension
 _SLIVER = 5e-4  # gap at a grid point that counts as positive, relative to the size of the grid
 _WHOLE = 1.2  # an obstacle that ends within this distance is drawn whole, relative to the size
-_RIM = {2: 0.2, 3: 0.1}  # width of the part around the bodies, in 2D up to the frame
+_RIM = {2: 0.2, 3: 0.1}  # width of the drawn part around the bodies, relative to their size
 _DEPTH = 0.1  # depth of the inside of a plane
 
 
@@ -72,7 +72,7 @@ class DrawnObstacle:
         whole = self.formula.surface(first, last)
         if whole is None:
             return self
-        # all of it along the axes on which it ends, along others the part near the bodies
+        # the whole obstacle along axes on which it ends, otherwise the part near the bodies
         begin, end = whole.x.min(axis=0), whole.x.max(axis=0)
         step = (last - first) / _NUMBER[len(low)]
         ends = (begin > first + step) & (end < last - step)

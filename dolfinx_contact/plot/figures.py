@@ -48,7 +48,7 @@ FLOOR = "#c9ced4"
 NOT_FINITE = "#9a9a9a"
 _DPI = 130
 _DENSE = 20.0  # size of cells in pixels below which their edges would hide the colours
-_MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
+_MOST_TRIANGLES = 40_000  # largest number of triangles of the mesh on which a field is drawn
 _FINEST = 3  # number of times that an edge of a cell is halved in it
 
 

@@ -27,7 +27,7 @@ _UP = np.eye(3)[2]
 _SHARP = 35.0  # smallest angle between facets at a sharp edge, in degrees
 _RIM = dict(non_manifold_edges=False, manifold_edges=False)
 _HEAD, _FOOT, _SIDE = 60.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
-_SLACK = 10.0  # pixels around the visible points in which meshes are drawn
+_SLACK = 10.0  # width in pixels of the drawn margin around the visible points
 _AHEAD = 1e-3  # distance from the edges to the facets, relative to the picture
 _TALL = 1000.0  # largest height of a body in pixels
 
@@ -123,7 +123,7 @@ def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) 
     from matplotlib.ticker import MaxNLocator
 
     low, high = ends
-    many = 5 if 1e-3 <= max(-low, high) < 1e5 else 3  # fewer with exponents, which are wide
+    many = 5 if 1e-3 <= max(-low, high) < 1e5 else 3  # fewer labels with exponents, which are wide
     ticks = MaxNLocator(many, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     ticks = ticks[(low <= ticks) & (ticks <= high)]
     look: dict[str, Any] = dict(color=INK, fmt="%.6g", title_font_size=22)
@@ -145,7 +145,7 @@ def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
             plotter.add_mesh(rim.tube(radius=radius), color=INK, name=f"rim {i}")
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
-        # normals of one sense, whatever the order of the vertices of the facets
+        # consistent normals, independent of the order of the vertices of the facets
         patch = _facets(o.x, o.cells).compute_normals(consistent_normals=True)
         look: dict[str, Any] = dict(opacity=0.3 if np.any(o.n @ eye > 0.05) else 0.75, ambient=0.3)
         look |= dict(smooth_shading=True, split_sharp_edges=True, specular=0.0)

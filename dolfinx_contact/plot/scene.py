@@ -45,7 +45,7 @@ _TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies witho
 _FIELD = "Spectral_r"  # colour map of fields
 _ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
 _RIM = 0.1  # width of the visible rim around the bodies, relative to their size
-_LARGE = 1.2  # size of an obstacle from which on a part may be invisible, relative to the bodies
+_LARGE = 1.2  # size of an obstacle, relative to the bodies, above which parts may be invisible
 
 
 class Look(TypedDict, total=False):
@@ -178,7 +178,7 @@ def framed(scenes: Sequence[Scene]) -> list[Scene]:
         parts.append(np.clip(part, low - _RIM * size, high + _RIM * size) if is_large else part)
     if view.region is not None:
         parts = [np.array(list(product(*view.region.T)))]
-    # arrows in the lengths of the picture, named with the magnitude of the longest one
+    # scale the arrows to the picture; their names contain the magnitude of the longest one
     length = _ARROW * float(np.linalg.norm(np.ptp(np.concatenate(parts), axis=0)))
     arrows = {}
     for name, (points, vectors) in view.arrows.items():
@@ -200,7 +200,7 @@ def _limits(values: Array) -> tuple[float, float]:
     """Return the smallest and largest finite value; the latter is increased if they are equal."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-    low = 0.0 if abs(low) < 1e-9 * high else low  # no digits of round-off at a bar
+    low = 0.0 if abs(low) < 1e-9 * high else low  # the colour bar shows no round-off
     return (low, high) if high > low else (low, low + (abs(low) or 1.0))
 
 

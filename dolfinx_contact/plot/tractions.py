@@ -60,7 +60,7 @@ _ZERO_FORCE = 1e-10  # force that counts as zero, relative to stiffness times di
 _LITTLE = 1e-6  # traction that counts as zero, relative to the largest one
 _TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 1e-6  # height over length up to which a curve is drawn over its coordinate
-_PANEL = 800.0  # pixels of the longer side of a map, about
+_PANEL = 800.0  # approximate number of pixels along the longer side of a map
 _FLAT = 0.3  # smallest height over width of a map; a longer surface is stretched
 _ARROWS = 28  # number of arrows along the width of half a figure
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
@@ -184,7 +184,7 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     if s.dim == 2:
         senses = np.where(at_vertices["minus"] > at_vertices["slip"] / 2, "-", "+")
         letters = np.where(letters == "s", senses, letters)
-    # supports are not contact, and tractions of the size of the round-off of forces are none
+    # supports are not contact, and tractions within the round-off of forces count as zero
     u = maximum(s.comm, np.abs(s.u.x.array))
     forces = np.linalg.norm(at_vertices["traction"], axis=1) * s.points.geometry.vertex_areas
     carries = forces > _ZERO_FORCE * problem.equations.scaling.stiffness * u

@@ -2361,7 +2361,7 @@ class Certificate:
 
     Attributes:
         problem: reduced problem in the units of the user.
-        steps: steps of the proof, in the format of the section "the proof as data"; by default empty.
+        steps: steps of the proof in depth-first order, as dictionaries; by default empty.
         vectors: multipliers of the equations S a - r = p, in scaled units, shape (dim m,) each;
             by default empty.
         force_unit: value of one unit of p in the user's unit of force, by which printed forces are

@@ -293,7 +293,7 @@ class BranchRecord(Record[Journal]):
         if known.ending is not None and not exhausted:
             return Branch([point], ending=known.ending, reason=known.reason)
         origin = self.state(branch, 0)[0] if stepping.index else None
-        # Pivoting has no length of steps.
+        # pivoting has no step length
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         x = self._entries.split(point)["x"]
         control, scale = StepControl(**task["control"]), task["gamma_scale"]
