@@ -8,6 +8,7 @@ concatenated over all surfaces.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, Protocol, TypeVar
 
 from mpi4py import MPI
@@ -182,14 +183,6 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
     return rows
 
 
-class _Product:
-    def __init__(self, product: Callable[[PETSc.Vec, PETSc.Vec], None]):
-        self._product = product
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        self._product(x, y)
-
-
 def matrix_of_product(
     comm: MPI.Comm, size: int, product: Callable[[PETSc.Vec, PETSc.Vec], None]
 ) -> PETSc.Mat:
@@ -200,7 +193,8 @@ def matrix_of_product(
         size: number of local rows.
         product: function of x and y that writes A x to y.
     """
-    A = PETSc.Mat().createPython(((size, None), (size, None)), _Product(product), comm=comm)
+    context = SimpleNamespace(mult=lambda _A, x, y: product(x, y))
+    A = PETSc.Mat().createPython(((size, None), (size, None)), context, comm=comm)
     A.setUp()
     return A
 

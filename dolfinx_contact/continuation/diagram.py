@@ -38,7 +38,7 @@ from dolfinx_contact.continuation.branch import (
     Ray,
     SpecialPoint,
 )
-from dolfinx_contact.continuation.follow import Follower, Route, follower_for
+from dolfinx_contact.continuation.follow import Route, follower_for
 from dolfinx_contact.continuation.observer import (
     BranchStep,
     CollectiveObserver,
@@ -46,10 +46,9 @@ from dolfinx_contact.continuation.observer import (
     ObserverLike,
     Stop,
 )
-from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import System
-from dolfinx_contact.continuation.tracing import leaves_range
+from dolfinx_contact.continuation.tracing import Tracer, leaves_range
 
 __all__ = ["explore"]
 
@@ -139,7 +138,7 @@ class _Explorer:
 
     def __init__(
         self,
-        follower: Follower | Pivoting,
+        follower: Tracer,
         gamma_range: tuple[float, float],
         max_steps: int,
         listeners: Mapping[str, Any],

@@ -163,7 +163,7 @@ def follower_for(
     *,
     gamma_scale: float,
     route: Route = "auto",
-) -> Follower | Pivoting:
+) -> Tracer:
     """Return the object that traces branches of a system. Collective.
 
     Args:
@@ -223,12 +223,6 @@ class Follower(Tracer):
             if kinks == "batched"
             else {"exact": ExactSteps, "stepping": SteppingSteps}[kinks](self.corrector)
         )
-
-    def __enter__(self) -> Follower:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.bordered.destroy()
 
     # -- where branches start --------------------------------------------------------------------
 

@@ -72,12 +72,6 @@ class Pivoting(Tracer):
         self._recent: list[AffinePiece] = []
         self._prove = partial(system.prove_rays, condensed)
 
-    def __enter__(self) -> Pivoting:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.bordered.destroy()
-
     # -- where branches start --------------------------------------------------------------------
 
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:

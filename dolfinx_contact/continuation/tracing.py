@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 from petsc4py import PETSc
 
@@ -82,6 +82,12 @@ class Tracer(ABC):
     control: StepControl
     first_step: float
     next_step: float
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bordered.destroy()
 
     # -- where branches start --------------------------------------------------------------------
 
