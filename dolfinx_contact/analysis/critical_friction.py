@@ -157,7 +157,7 @@ def check_request(a: Arguments) -> None:
 
 
 def _requested(solver: str) -> str:
-    """Return the requested solver; PETSc's options take precedence."""
+    """Return the requested solver; the option ``-analysis_linear_solver`` takes precedence."""
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 

@@ -178,8 +178,8 @@ class History(Ends):
         start: time at which the run started.
         before: energies at the start of the run.
         steps: accepted steps.
-        ending: how the run ended (`Ending`); None while it continues.
-        reason: why the run ended, as a sentence.
+        ending: kind of the end of the run (`Ending`); None while it continues.
+        reason: reason for the end of the run, as a sentence.
         first: row of the table of steps that describes the start.
     """
 

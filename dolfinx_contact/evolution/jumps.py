@@ -19,8 +19,8 @@ Therefore the branch of solutions H(x, gamma; m_n) = 0 from the start of the ste
 step. If it reaches gamma = 1, a solution continues the evolution. If gamma turns back at a smooth
 fold, or at a kink of which all pieces were tried, on this branch and on all branches that leave it
 towards larger gamma, no solution continues the evolution. Otherwise nothing is proved, and the
-reason is reported. A step that was not solved is no proof either; shorter steps are tried from the
-same state.
+reason is reported. A step that was not solved proves nothing either; shorter steps are tried from
+the same state.
 """
 
 from __future__ import annotations

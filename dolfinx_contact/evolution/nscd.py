@@ -276,8 +276,8 @@ class NSCD(Evolution):
         Raises:
             NoContinuation: if a step is not solved, down to the shortest length; the problem is at
                 the last accepted state.
-            ValueError: on every rank, if arguments or data are not admissible, or a point is inside
-                an obstacle at the start. Errors of ``load``, ``stop`` and ``observer`` on
+            ValueError: on every rank, if arguments or data are not admissible, or if a point is
+                inside an obstacle at the start. Errors of ``load``, ``stop`` and ``observer`` on
                 one rank are raised on every rank.
             OSError: on every rank, if a step cannot be recorded.
         """

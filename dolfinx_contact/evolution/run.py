@@ -63,8 +63,8 @@ class RunState:
         number: number of the last step, over all runs; 0 before the first.
         settled: whether the run can be resumed from the state; False between the steps of one
             search for a jump.
-        ending: how the run ends at the state (`Ending`); None if it continues.
-        reason: why the run ends, as a sentence.
+        ending: kind of the end of the run at the state (`Ending`); None if the run continues.
+        reason: reason for the end of the run, as a sentence.
         rate: rates of change in the last step of a history or motion (`jumps.StateChanges`); None
             before the first step and on paths.
         arrived: point of the accepted state on a path, with piece and tangent of the step that

@@ -30,7 +30,7 @@ def _check(a: Arguments) -> None:
 
 
 class EvolutionSeries(Observer):
-    """Observer writing the start and the steps of an evolution. A collective context manager.
+    """Observer that writes the start and the steps of an evolution. Collective context manager.
 
     The following files are written, with the suffix ``.pvd`` instead of ``.bp`` for
     ``format="vtk"``. The script ``paraview.py`` in the folder shows them:
@@ -58,9 +58,9 @@ class EvolutionSeries(Observer):
 
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written.
-        ValueError: on every rank, if the format is not available, the stress is not valid for
-            `write_fields`, arguments differ between ranks, or a run uses the observer outside its
-            context.
+        ValueError: on every rank, if the format is not available, if the stress is not valid for
+            `write_fields`, if arguments differ between ranks, or if a run uses the observer outside
+            its context.
 
     Example:
         ::

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Laws that wrap a friction law: compliant surfaces, and regularised friction.
 
-- *Normal compliance*: the pressure of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME 52, 1985,
-  section 2); m = 1 is the penalisation of Signorini's conditions.
+- *Normal compliance*: the pressure p = C (u_n)_+^m of a spring, with the penetration (u_n)_+ (Oden
+  and Martins, CMAME 52, 1985, section 2); m = 1 is the penalisation of Signorini's conditions.
 - *Regularised friction*: the shear increases continuously with the slip, t_t = -b phi(|u_t|/eps)
   u_t/|u_t|, with the radius b of the friction disc. The traction is then a function of the
   displacement. In a history friction opposes the slip velocity: in a step dt with the increment
@@ -10,7 +10,7 @@ r"""Laws that wrap a friction law: compliant surfaces, and regularised friction.
   bound, q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), whereas it sticks under
   Coulomb's law.
 
-  Both laws deviate from Signorini's and Coulomb's conditions and are meant for comparisons.
+Both laws deviate from Signorini's and Coulomb's conditions and are meant for comparisons.
 
 For m = 1 the pressure is expressed by the augmented traction q = p + r u_n as p = C/(C + r) q_+.
 This is equivalent to p = C (u_n)_+ with the same statuses, and for increasing C Newton's method

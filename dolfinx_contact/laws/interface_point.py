@@ -82,7 +82,10 @@ class Potentials(Law):
         return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return the potential Phi, UFL power per area; it is differentiated by rates only."""
+        """Return the dissipation potential Phi, UFL power per area.
+
+        Phi is differentiated with respect to the rates only.
+        """
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:

@@ -83,10 +83,10 @@ def crack(
         New mesh with all tags and names.
 
     Raises:
-        ValueError: on every rank, if a group does not exist, a new name is the name of another
-            group, a facet lies on the boundary, a group crosses itself or branches, no node of a
-            group can be duplicated, the cells are curved, or tags are missing or belong to another
-            mesh or to other entities.
+        ValueError: on every rank, if a group does not exist, if a new name is the name of another
+            group, if a facet lies on the boundary, if a group crosses itself or branches, if no
+            node of a group can be duplicated, if the cells are curved, or if tags are missing or
+            belong to another mesh or to other entities.
     """
     given: Any = body
     domain = given.mesh

@@ -264,10 +264,10 @@ def mesh_from_gmsh(
 
     Raises:
         ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical group,
-            no group of the highest dimension, or not all ``groups``; if groups of cells or of
-            facets overlap, the cells are of several kinds, a plane mesh is not in the plane, or
-            arguments differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` reach every
-            rank.
+            or no group of the highest dimension; if one of ``groups`` is missing; if groups of
+            cells or of facets overlap; if the cells are of several kinds; if a mesh of dimension 2
+            is not in a plane of constant z; or if arguments differ between ranks. KeyboardInterrupt
+            and SystemExit of ``draw`` are raised on every rank.
     """
     gmsh = optional("gmsh", "gmsh")
     with ExitStack() as session:

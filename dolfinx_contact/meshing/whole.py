@@ -240,8 +240,9 @@ def join(
         facet_tags: facet tags of every mesh; default: its groups of facets.
 
     Raises:
-        ValueError: on every rank, if the meshes differ in their kind or dimension or are curved, or
-            tags or prefixes are missing, or tags belong to another mesh or to other entities.
+        ValueError: on every rank, if the meshes differ in dimension or kind of cells, if cells are
+            curved, if tags or prefixes are missing, or if tags belong to another mesh or to other
+            entities.
     """
     bodies: Sequence[Any] = meshes
     comm = bodies[0].mesh.comm

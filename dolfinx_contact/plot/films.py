@@ -108,7 +108,7 @@ def film(
         The file.
 
     Raises:
-        ModuleNotFoundError: on every rank, if a package writing such a file is not installed.
+        ModuleNotFoundError: on every rank, if a package required for the format is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         RuntimeError: on every rank, if VTK needs a display in 3D and there is none.
         TypeError: on every rank, if an option does not exist.

@@ -46,13 +46,13 @@ def write_series(
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Returns:
-        Names of the files, on every rank.
+        Paths of the files, on every rank.
 
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to or
             the disk is full. The folder is then unchanged.
-        ValueError: on every rank, if the branch has no checkpoints, they are damaged, the format
-            cannot be written, or arguments differ between ranks.
+        ValueError: on every rank, if the branch has no checkpoints, if a checkpoint is damaged, if
+            the format cannot be written, or if arguments differ between ranks.
     """
     system = record.system
     same_everywhere(record.comm, branch=branch)

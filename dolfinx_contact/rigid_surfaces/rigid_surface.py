@@ -163,9 +163,9 @@ class RigidSurface(ReadOnly, Obstacle):
 
         Raises:
             OSError: on every rank, if rank 0 cannot read the file.
-            ValueError: on every rank, if the content of the file is invalid or empty, the group
-                does not exist, arguments differ between ranks, or the surface is invalid (see the
-                class).
+            ValueError: on every rank, if the content of the file is invalid or empty, if the group
+                does not exist, if arguments differ between ranks, or if the surface is invalid (see
+                `RigidSurface`).
         """
         points, cells = _read(comm, Path(path), group, scale)
         options.setdefault("name", Path(path).name)
