@@ -92,7 +92,7 @@ class _GivenBound:
         self._direction = self._free.copy()
 
     def _split(self) -> None:
-        """Split the projected gradient into its free and chopped parts (module docstring)."""
+        """Split the projected gradient into the free part and the chopped part at the bounds."""
         r = self.r
         g = self.a
         size = np.linalg.norm(r[:, :-1], axis=1)

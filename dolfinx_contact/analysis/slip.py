@@ -104,7 +104,7 @@ class SlipPattern:
 
     @staticmethod
     def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
-        """Return unit tangents along a direction; 0 at frictionless points whose normal it is."""
+        """Return unit tangents along a direction; 0 at frictionless points where it is normal."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")

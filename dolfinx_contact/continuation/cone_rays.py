@@ -244,7 +244,7 @@ def _inverses(A: Array) -> Array:
 
 
 def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
-    """Return the dimension of the kernel of [A, -q], and its vector (z, dgamma) if it is 1.
+    """Return the dimension of the kernel of [A, -q]; for dimension 1 also its vector (z, dgamma).
 
     The dimension is -1 if round-off prevents the decision whether A is regular.
     """

@@ -134,7 +134,10 @@ class Krylov:
         self._regular = bool(np.isfinite(self._s) and self._s != 0)
 
     def _takes_from(self, tangent: PETSc.Vec) -> bool:
-        """Compute v from an approximate tangent; return False if v is inaccurate. Collective."""
+        """Compute v = -t_x / t_gamma from an approximate tangent; return False if v is inaccurate.
+
+        Collective.
+        """
         x, gamma = self._layout.split(tangent)
         if gamma == 0:
             return False

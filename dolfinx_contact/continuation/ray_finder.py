@@ -78,7 +78,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Crossing(FoundRays[Ray]):
-    """Rays by which a branch can leave a kink; it continues along the first ray.
+    """Rays by which a branch can leave a kink; the branch continues along the first ray.
 
     Attributes:
         kinks: number of kinked points.

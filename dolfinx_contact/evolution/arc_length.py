@@ -499,10 +499,10 @@ class ByArcLength(Rule[PathTask]):
     def _continue_from(
         self, point: BranchPoint, special: Sequence[SpecialPoint], *, at_end: bool
     ) -> tuple[PathEvent, int | None, str]:
-        """Choose the direction in which the path leaves an accepted point, or end it. Collective.
+        """Choose the direction in which the path leaves a point, or end the path. Collective.
 
         Args:
-            point: point with the piece and the tangent of the last step.
+            point: accepted point, with the piece and the tangent of the last step.
             special: folds and bifurcations within that step.
             at_end: whether the end of the range is reached.
 

@@ -126,7 +126,7 @@ class Rule(ABC, Generic[T]):
         self.state = replace(self.state, ending=ending, reason=reason or ending.value)
 
     def begin(self) -> None:
-        """Check the start before it is recorded. It is in the Functions of the problem. Collective.
+        """Check the start, which is in the Functions, before it is recorded. Collective.
 
         Raises:
             ValueError: on every rank, if a run cannot start from this state.

@@ -43,7 +43,7 @@ def deformed(part: str) -> Any:
 
 
 def show(warp: Any, view: Any, array: str) -> None:
-    """Show a mesh coloured by an array, from the front if it is plane, otherwise obliquely."""
+    """Show a mesh coloured by an array: a plane mesh from the front, others obliquely."""
     display = simple.Show(warp, view)
     display.LineWidth = 6.0  # of the contact surface of a 2D body
     display.NonlinearSubdivisionLevel = 2  # cells of degree 2 are curved
