@@ -158,7 +158,7 @@ class ConstrainedMultigrid:
         own = _own_nodes(R, eq.dim)
         if own is None:
             R.destroy()
-            raise ValueError("multigrid needs contact points that are nodes: take solver='direct'")
+            raise ValueError("multigrid needs contact points that are nodes: use solver='direct'")
         self._own = own
         self._Z = _projection(R, own)
         R.destroy()
@@ -203,7 +203,7 @@ class ConstrainedMultigrid:
         self.iterations += self._ksp.getIterationNumber()
         if self._ksp.getConvergedReason() < 0:
             raise RuntimeError(
-                f"multigrid did not solve the held body ({reasons_of(self._ksp)}); take "
+                f"multigrid did not solve the held body ({reasons_of(self._ksp)}); use "
                 "solver='direct' if memory allows"
             )
         u = product(self._Z, x.array_r)

@@ -130,7 +130,7 @@ class Davidson:
             if self.cycles - begun > _MOST:
                 raise RuntimeError(
                     f"multigrid found no eigenvalue in {_MOST} cycles (size {self.size:.3e}, "
-                    f"residual {self.off:.0e}); take solver='direct' if memory allows"
+                    f"residual {self.off:.0e}); use solver='direct' if memory allows"
                 )
             if self._used - self.number >= _ROOM:
                 self._restart(vectors)

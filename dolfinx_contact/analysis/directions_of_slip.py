@@ -126,7 +126,7 @@ def critical_friction_by_direction(
         RuntimeError: if SLEPc does not converge.
     """
     eq = static_equations(problem)
-    require(eq.comm, eq.dim == 3, "directions of slip are of bodies in 3D")
+    require(eq.comm, eq.dim == 3, "directions of slip are for bodies in 3D")
     normals = eq.comm.allgather(point_normals(eq).reshape(-1, 3))
     mean = np.concatenate(normals).mean(axis=0)
     size = float(np.linalg.norm(mean))

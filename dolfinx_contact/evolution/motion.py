@@ -459,9 +459,9 @@ class HeldNodes:
         require(
             self._comm,
             not place,
-            "the velocity at the start is against Dirichlet data that are constant in the first "
-            f"step: {place}; it would change its sign in every step: set the velocity of held "
-            "nodes to the velocity of the data",
+            "the velocity at the start contradicts Dirichlet data that are constant in the first "
+            f"step: {place}; the velocity would change its sign in every step: set the velocity of "
+            "held nodes to the velocity of the data",
         )
 
     def watch(self, a: Motion, b: Motion, step: TimeStep) -> None:

@@ -73,7 +73,7 @@ TABLES = {
         ("3D", {}, "in 3D a direction"),
         ("free", {}, "without resistance"),
         ("integral", {}, "nodal or mixed"),
-        ("mixed", {"solver": "amg"}, "points that are nodes: take solver='direct'"),
+        ("mixed", {"solver": "amg"}, "points that are nodes: use solver='direct'"),
     ],
     renard_criterion: [
         ("slip weakening", {}, "requires Coulomb's law"),
