@@ -41,9 +41,9 @@ __all__ = [
 __getattr__ = loads(
     __name__,
     {
+        "branch_entries": ("journal_of",),
         "branch_record": ("BranchRecord",),
         "functionals": ("leftmost", "rightmost", "total"),
-        "points": ("journal_of",),
         "series": ("write_series",),
         "steps_record": ("EvolutionRecord", "PathRecord"),
     },
