@@ -26,8 +26,7 @@ ADVERSARIAL = Path(__file__).parent / "adversarial"
 def free_communicators():
     """Free the communicators of unused meshes; MPICH has 2048, and reference cycles hold them."""
     yield
-    if COMM.size == 1:
-        gc.collect()
+    gc.collect()
 
 
 @pytest.hookimpl(trylast=True)

@@ -259,5 +259,5 @@ def test_a_history_killed_at_random_moments_is_resumed(case, whole, folder):
     words = ("--case", case)
     script = "recorded_evolution.py"
     first = ("--longest", longest)
-    killed_and_resumed(script, words, first, folder, known, kills=20)
+    killed_and_resumed(script, words, first, folder, known, kills=10)
     require_same(folder, known)

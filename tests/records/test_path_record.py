@@ -215,5 +215,5 @@ def test_a_path_killed_at_random_moments_is_resumed(case, whole, folder):
     longest = LONGEST / 8
     known = whole(case, longest)
     words = ("--case", case, "--longest", longest)
-    killed_and_resumed("recorded_path.py", words, (), folder, known, kills=20)
+    killed_and_resumed("recorded_path.py", words, (), folder, known, kills=10)
     require_same_path(folder, known)
