@@ -140,7 +140,15 @@ def _on_points(
     x: PETSc.Vec,
     attempt: Attempt,
 ) -> None:
-    """Solve the reduced problem on rank 0 and write the solution into ``x``. Collective."""
+    """Solve the reduced problem on rank 0 and write the solution into ``x``. Collective.
+
+    Args:
+        algorithm: algorithm with its options.
+        reduction: reduction of the contact problem to its contact points.
+        equations: contact problem.
+        x: vector of unknowns; its forces are the initial guess.
+        attempt: record of the attempt, completed by this function.
+    """
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
     scales = scales_at(equations, x)
     contact = scaled(reduction.problem(), scales)

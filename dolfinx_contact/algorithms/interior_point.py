@@ -1,20 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Primal-dual interior-point method for the mixed complementarity problem, in 2D and 3D.
 
-With multipliers l and slacks s of friction, Signorini's and Coulomb's conditions are
+Let a = (at, un) be the displacements of a point, r = (rt, rn) its contact forces, b its friction
+bound, and l and s multipliers and slacks of friction. Signorini's and Coulomb's conditions are
 
     y = un >= 0 complementary to rn >= 0,    s >= 0 complementary to l >= 0,
     at + sum_j l_j n_j = 0,
     2D: s = b -+ rt, n = +-1;    3D: s = (b^2 - |rt|^2)/(2 b), n = rt/b;    b = F rn + g,
 
-with the forces r as unknowns and a = A r + c. On the central path, the complementarity products
-equal mu instead of 0. Newton's method follows this path while mu decreases, with Mehrotra's
-predictor and corrector (SIAM J. Optim. 2, 1992) and steps ending before the boundary.
+where n_j are outward vectors in the friction disc, F the friction coefficient and g a prescribed
+bound. The forces r are the unknowns, and a = A r + c with the compliance A and the displacements c
+without contact. On the central path, the complementarity products equal a parameter mu instead of
+0. Newton's method follows this path while mu decreases, with Mehrotra's predictor and corrector
+(SIAM J. Optim. 2, 1992) and steps ending before the boundary.
 
 For F = 0 (Tresca's problem) the method is the convex primal-dual method with its convergence
 theory. No theory is available for Coulomb's law: for large F the path may turn back, and the method
-fails. It stops when the relative residual of Coulomb's law is below the tolerance. Of an initial
-guess, only the normal forces are used, and small ones are increased.
+then finds no solution. The method stops when the relative residual of Coulomb's law is below the
+tolerance. Of an initial guess, only the normal forces are used, and small ones are increased.
 """
 
 from __future__ import annotations
@@ -92,7 +95,7 @@ class _Interior:
 
     @property
     def r(self) -> Array:
-        """Forces, shape (m, dim)."""
+        """Contact forces, shape (m, dim)."""
         return self._r * self._force
 
     @property
@@ -102,7 +105,7 @@ class _Interior:
 
     @property
     def mu(self) -> float:
-        """Mean complementarity product mu."""
+        """Mean product of complementary variables, which is 0 at a solution."""
         products = self._y @ self._r[:, -1] + np.sum(self._l * self._s)
         return float(products) / self._count
 
@@ -114,10 +117,13 @@ class _Interior:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
-        """Return the k friction slacks s of each point and their derivatives.
+        """Return the k friction slacks of each point and their derivatives.
+
+        A slack measures the distance of the shear rt from the friction bound.
 
         Returns:
-            Slacks s, shape (m, k); -ds/drt, shape (m, k, dim - 1); and ds/drn, shape (m, k).
+            Slacks s, shape (m, k); derivatives -ds/drt, shape (m, k, dim - 1); and derivatives
+            ds/drn with respect to the normal force, shape (m, k).
         """
         rt = self._r[:, :-1]
         radius = self._radius[:, None]
@@ -158,7 +164,8 @@ class _Interior:
     def _linearise(self) -> None:
         """Eliminate slacks and multipliers from the Newton equations.
 
-        The remaining matrix is A + D, where D has one block per point.
+        The remaining matrix is the compliance plus a block-diagonal matrix with one block per
+        point.
         """
         m, d = self._r.shape
         _, self._out, self._by_rn = self._slacks()
@@ -188,8 +195,8 @@ class _Interior:
         """Return a Newton step that reduces the complementarity products and the infeasibility.
 
         Args:
-            centring: target value of the products, relative to mu; the step reduces the
-                infeasibility by the fraction ``1 - centring``.
+            centring: target value of the complementarity products, relative to their present mean;
+                the step reduces the infeasibility by the fraction ``1 - centring``.
             forecast: predictor step, whose second-order terms are subtracted; None for the
                 predictor.
             ahead: step length of the predictor.
@@ -235,9 +242,11 @@ class _Interior:
     def _longest(self, direction: _Direction, boundary: float) -> float:
         """Return the length of a step: a fraction of the distance to the boundary, at most 1.
 
+        The boundary is reached when a normal force, gap, multiplier or slack vanishes.
+
         Args:
-            direction: changes of r, y, l and s.
-            boundary: this fraction, between 0 and 1.
+            direction: changes of forces, gaps, multipliers and slacks.
+            boundary: fraction of the distance, between 0 and 1.
         """
         dr, dy, dl, ds = direction
         part = 1.0

@@ -164,11 +164,11 @@ class Iteration:
         return ""
 
     def _repetition(self, x: Array, worst: float) -> str:
-        """Describe stagnation, or iterates that have repeated for a whole period; "" otherwise.
+        """Describe stagnation, or iterates that have repeated for a whole cycle; "" otherwise.
 
         Args:
-            x: iterate as one vector, in the scales of force and length.
-            worst: its largest relative residual.
+            x: iterate as one vector, divided by the scales of force and length.
+            worst: largest relative residual of the iterate.
         """
         away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
@@ -234,7 +234,13 @@ class Algorithm:
         return iteration.outcome
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        """Iterate from the forces ``r`` until ``iteration.stops`` returns True."""
+        """Iterate until ``iteration.stops`` returns True; implemented by each algorithm.
+
+        Args:
+            contact: reduced problem.
+            r: initial contact forces, shape (m, dim).
+            iteration: monitor that receives every iterate.
+        """
         raise NotImplementedError
 
     def described(self) -> str:

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Lemke's method for Coulomb friction as a linear complementarity problem.
 
-The reduced problem is S a = r + p with a positive definite stiffness S, displacements a = (ut, un)
-of the contact points and forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction
-acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equally spaced directions
-in 3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The
-polygon reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k,
-and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of
-the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z complementary to z >= 0,
+The reduced problem is S a = r + p with a positive definite stiffness S, the load p, displacements
+a = (ut, un) of the contact points and forces r = (rt, rn) on the body. The friction bound is
+F rn + g with the friction coefficients F and prescribed bounds g. With the compliance A = S^{-1}
+and c = A p, friction acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k
+equally spaced directions in 3D, where the friction disc is replaced by an inscribed regular polygon
+with k corners. The polygon reduces the friction bound by up to O(1/k^2); slip directions have an
+error of up to pi/k, and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where
+l is the magnitude of the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z
+complementary to z >= 0,
 
     un = A_nn rn + A_nt sum_j b_j d_j + c_n    complementary to rn,
     l + d_j.ut                                 complementary to b_j,
@@ -67,7 +69,10 @@ _LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejecte
 
 
 class RayTermination(ArithmeticError):
-    """Error raised if Lemke's method ends in a ray, after too many pivots, or by round-off."""
+    """Error raised if Lemke's method fails.
+
+    It ended in a ray, took too many pivots, or its result is spoiled by round-off.
+    """
 
 
 @dataclass(frozen=True)
@@ -114,9 +119,10 @@ class Lemke(Algorithm):
 def coulomb_by_lemke(
     S: Array, p: Array, friction: Array, *, bound: Array | None = None
 ) -> tuple[Array, int]:
-    """Return a solution of S a = r + p with Coulomb friction in 2D.
+    """Return a solution of a reduced contact problem with Coulomb friction in 2D.
 
-    A solution exists for every friction coefficient; the module contains a proof.
+    The problem is S a = r + p for displacements a = (ut, un) and forces r = (rt, rn). A solution
+    exists for every friction coefficient; the module contains a proof.
 
     Args:
         S: positive definite reduced stiffness, ordered (ut, un) point by point, shape (2 m, 2 m).
@@ -206,13 +212,13 @@ def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tu
 def forces_by_lemke(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array, most: int | None = None
 ) -> tuple[Array, int]:
-    """Solve the complementarity problem of the module by Lemke's method.
+    """Solve a reduced contact problem by Lemke's method; return its forces.
 
     Args:
         A: compliance, shape (dim m, dim m).
-        free: displacements c without contact forces, shape (m, dim).
-        friction: friction coefficients F, shape (m,).
-        bound: prescribed friction bounds g, shape (m,).
+        free: displacements without contact forces, shape (m, dim).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
         directions: unit directions of friction, shape (k, dim - 1).
         most: largest number of pivots, divided by the number of unknowns; by default as in `lemke`.
 
@@ -225,7 +231,9 @@ def forces_by_lemke(
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
-    """Solve z >= 0, q + M z >= 0, z.(q + M z) = 0 by Lemke's method with the lexicographic rule.
+    """Solve a linear complementarity problem by Lemke's method with the lexicographic rule.
+
+    The problem is z >= 0, q + M z >= 0, z.(q + M z) = 0.
 
     Args:
         M: square matrix, shape (n, n).
@@ -257,10 +265,11 @@ def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, 
 
 
 class _Tableau:
-    """Tableau of w - M z - d z_0 = q, solved for the basic variables.
+    """Tableau of Lemke's method for w = q + M z >= 0, solved for the basic variables.
 
-    The n variables w have the numbers 0 to n - 1, the n variables z the numbers n to 2 n - 1,
-    and z_0 has the number 2 n.
+    With the artificial variable z_0, the equations are w - M z - z_0 (1, ..., 1) = q. The n
+    variables w have the numbers 0 to n - 1, the n variables z the numbers n to 2 n - 1, and z_0 has
+    the number 2 n.
     """
 
     def __init__(self, M: Array, q: Array):
@@ -277,7 +286,7 @@ class _Tableau:
         self._since = 0  # pivots since the table was made from the data
 
     def first(self) -> int:
-        """Let z_0 enter the basis and return the variable leaving it."""
+        """Let the artificial variable enter the basis and return the variable leaving it."""
         least = self.values.min()
         tied = np.flatnonzero(self.values <= least + _TIE * np.abs(self._q).max())
         return self._pivot(int(tied[-1]), self.n)  # the lexicographically least of them
@@ -288,9 +297,10 @@ class _Tableau:
         return self._pivot(self._row(column), column)
 
     def covers(self) -> bool:
-        """Return True if z_0 is positive beyond round-off, so that the basis is not a solution.
+        """Return True if the artificial variable z_0 is positive beyond round-off.
 
-        In a tie, round-off may keep z_0 in the basis although its value is zero.
+        The basis is then not a solution. In a tie, round-off may keep z_0 in the basis although its
+        value is zero.
         """
         self._refresh()
         known = np.abs(self.values).max(initial=np.abs(self._q).max())
@@ -298,7 +308,7 @@ class _Tableau:
         return bool((held > _NOTHING * known).any())
 
     def _row(self, column: int) -> int:
-        """Return the pivot row by the lexicographic ratio test."""
+        """Return the pivot row of an entering column by the lexicographic ratio test."""
         entries = self.table[:, column]
         rising = np.flatnonzero(entries > _PIVOT * np.abs(entries).max(initial=1.0))
         if len(rising) == 0:
@@ -347,7 +357,7 @@ class _Tableau:
         return leaving
 
     def _refresh(self) -> None:
-        """Recompute the tableau from M and q to remove the round-off of the pivots."""
+        """Recompute the tableau from the original data to remove the round-off of the pivots."""
         right = np.column_stack([self._columns[:, self.nonbasic], self._q])
         solved = np.linalg.solve(self._columns[:, self.basic], right)
         self.table = np.asfortranarray(solved[:, :-1], dtype=np.float64)
@@ -355,7 +365,7 @@ class _Tableau:
         self._since = 0
 
     def solution(self) -> Array:
-        """Return z at the current basis, computed from M and q."""
+        """Return the unknowns z at the current basis, computed from the original data."""
         values = np.linalg.solve(self._columns[:, self.basic], self._q)
         z = np.zeros(self.n)
         inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
@@ -383,15 +393,17 @@ def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
 def copositive_form(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Return M and q of the complementarity problem of the module.
+    """Return matrix M and vector q of the complementarity problem of frictional contact.
 
-    The unknowns are z = (rn, b, l), with b ordered point by point.
+    The conditions are z >= 0, q + M z >= 0 and z.(q + M z) = 0. The unknowns z are the normal
+    forces, the friction forces in the k directions point by point, and the magnitudes of the slips
+    (see the module).
 
     Args:
         A: compliance, shape (dim m, dim m).
-        free: displacements c without contact forces, shape (m, dim).
-        friction: friction coefficients F, shape (m,).
-        bound: prescribed friction bounds g, shape (m,).
+        free: displacements without contact forces, shape (m, dim).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
         directions: unit directions of friction, shape (k, dim - 1).
     """
     m, d = free.shape
@@ -412,6 +424,6 @@ def copositive_form(
 
 
 def copositive_forces(z: Array, directions: Array) -> Array:
-    """Return the contact forces for unknowns z of `copositive_form`, shape (m, dim)."""
+    """Return the contact forces, shape (m, dim), from the unknowns of `copositive_form`."""
     m = len(z) // (2 + len(directions))
     return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
-The problem is S a = r + b with the stiffness S (dim, dim) of the point and a load b containing
-the coupling to the other, fixed points. The statuses are tried in the order open, stick, slip. Slip
-means rt = -mu at with mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for a slipping point
-in contact. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a scalar
-equation in the eigenvectors of St, computed up to round-off by Newton's method safeguarded by
-bisection.
+The problem is S a = r + b with the stiffness S (dim, dim), the displacement a = (at, an), the force
+r = (rt, rn) and a load b containing the coupling to the other, fixed points. F is the friction
+coefficient, g a prescribed friction bound. The statuses are tried in the order open, stick, slip.
+Slip means rt = -mu at with a factor mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for a
+slipping point in contact, where St and bt are the tangential parts of S and b. In 2D each sense of
+slip has an explicit solution. In 3D, mu is the root of a scalar equation in the eigenvectors of St,
+computed up to round-off by Newton's method safeguarded by bisection.
 
 A solution exists for every F (`lemke`). The first of several solutions is returned. In 3D with
 positive g and large F, the computed slip may violate the law; Gauss-Seidel then does not converge.
@@ -88,9 +89,15 @@ class _SlipInPlane:
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b.
+        """Return the slip of the point.
 
         Slips to both sides are computed; the one with the smaller violation of the law is returned.
+
+        Args:
+            b: tangential load.
+            n: normal load.
+            F: friction coefficient.
+            g: prescribed friction bound.
         """
         best = 0.0
         least = inf
@@ -122,7 +129,14 @@ class _SlipInSpace:
         self._coupling = float(turned[0]), float(turned[1])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b."""
+        """Return the slip of the point.
+
+        Args:
+            b: tangential load.
+            n: normal load.
+            F: friction coefficient.
+            g: prescribed friction bound.
+        """
         v00, v01 = self._first
         v10, v11 = self._second
         e0, e1 = self._values

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Penalty method with extrapolation to infinite stiffness.
 
-With the penalised laws r = Pi(-k a), bodies penetrate and sticking points slip by r/k, so that the
-solution has an error of O(1/k). The penalised problems for k_0, 2 k_0, 4 k_0, ... are solved by
-Newton's method and extrapolated to 1/k = 0 by Neville's polynomials in 1/k. The observed order of
-convergence, log2 |x_1 - x_2|/|x_2 - x_3| from three successive solutions, is 1 as soon as the
-statuses no longer change (Wriggers, Computational Contact Mechanics, 2006). The method stops when
-the extrapolated state satisfies the exact laws up to `Penalty.accuracy`. It fails if Newton's
-method does not solve a penalised problem.
+The contact laws are replaced by the penalised laws r = Pi(-k a) for the forces r and displacements
+a, with a penalty stiffness k and the projection Pi onto admissible forces. Bodies then penetrate
+and sticking points slip by r/k, so that the solution has an error of O(1/k). The penalised problems
+for k_0, 2 k_0, 4 k_0, ... are solved by Newton's method and extrapolated to 1/k = 0 by Neville's
+polynomials in 1/k. The observed order of convergence, log2 |x_1 - x_2|/|x_2 - x_3| for three
+successive solutions x_1, x_2 and x_3, is 1 as soon as the statuses no longer change (Wriggers,
+Computational Contact Mechanics, 2006). The method stops when the extrapolated state satisfies the
+exact laws up to `Penalty.accuracy`. It fails if Newton's method does not solve a penalised problem.
 """
 
 from __future__ import annotations
@@ -75,7 +76,11 @@ class Penalty(Algorithm):
 
 
 def _limit(states: list[Array]) -> Array:
-    """Extrapolate states for the stiffnesses k, 2 k, 4 k, ... to 1/k = 0 by Neville's scheme."""
+    """Extrapolate solutions of penalised problems to infinite stiffness by Neville's scheme.
+
+    Args:
+        states: solutions for the stiffnesses k, 2 k, 4 k, ...
+    """
     column = states
     for j in range(1, len(states)):
         weight = 2.0**j
@@ -84,9 +89,9 @@ def _limit(states: list[Array]) -> Array:
 
 
 def _order(states: list[Array]) -> float:
-    """Return the order of convergence in 1/k observed in the last three states.
+    """Return the order of convergence observed in the last three penalised solutions.
 
-    NaN if two of them are equal.
+    It refers to the reciprocal of the penalty stiffness. NaN if the last two solutions are equal.
     """
     before, last = (float(np.linalg.norm(b - a)) for a, b in pairwise(states[-_LEAST:]))
     return float(np.log2(before / last)) if last > 0 else float("nan")

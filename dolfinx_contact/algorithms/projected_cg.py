@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Projected conjugate gradients on the contact forces, with updates of the friction bounds.
 
-For prescribed friction bounds g, the forces minimise q(r) = r.A r/2 + c.r subject to rn >= 0 and
-|rt| <= g. The gradient is the displacement a = A r + c. There are three kinds of steps (Dostal and
-Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Program. 135, 2012):
+For prescribed friction bounds g, the contact forces r = (rt, rn) minimise the energy
+q(r) = r.A r/2 + c.r subject to rn >= 0 and |rt| <= g. A is the compliance, and c are the
+displacements without contact. The gradient of q is the displacement a = A r + c. There are three
+kinds of steps (Dostal and Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek,
+Math. Program. 135, 2012):
 
 1. a conjugate gradient step on the forces inside their bounds (free gradient);
 2. if it would leave the feasible set, a step to the boundary and a projected gradient step;
-3. if the chopped gradient at the bounds outweighs the free gradient, a projected gradient step.
+3. if the part of the projected gradient at forces on their bounds (chopped gradient) outweighs the
+   free gradient, a projected gradient step.
 
 The energy decreases in every step. Between two updates of the friction bounds the projected
 gradient decreases by a factor of 1000. The iteration stops when the relative residual of Coulomb's
@@ -61,16 +64,16 @@ class ProjectedGradient(Algorithm):
 
 
 class _GivenBound:
-    """Projected conjugate gradients on the forces of Tresca's problem.
+    """Projected conjugate gradients for the forces with prescribed friction bounds.
 
     Args:
         contact: reduced problem; its friction is ignored.
-        bound: friction bounds g, shape (m,).
+        bound: friction bounds, shape (m,).
         r: initial forces, shape (m, dim).
 
     Attributes:
         r: feasible forces, shape (m, dim).
-        a: displacements under these forces, the gradient of q, shape (m, dim).
+        a: displacements under these forces, equal to the gradient of the energy, shape (m, dim).
     """
 
     def __init__(self, contact: PointProblem, bound: Array, r: Array):
@@ -86,7 +89,7 @@ class _GivenBound:
         return (self._contact.A @ v.reshape(-1)).reshape(v.shape)
 
     def _refresh(self) -> None:
-        """Compute the gradient and restart the conjugate directions."""
+        """Recompute the displacements and restart the conjugate directions."""
         self.a = self._times(self.r) + self._contact.free
         self._split()
         self._direction = self._free.copy()
@@ -111,12 +114,12 @@ class _GivenBound:
 
     @property
     def left(self) -> float:
-        """Largest magnitude of an entry of the projected gradient, a length."""
+        """Largest magnitude of an entry of the projected gradient, in the unit of length."""
         return float(np.abs(self._free + self._chopped).max())
 
     @property
     def energy(self) -> float:
-        """Value of q at the current forces."""
+        """Energy of the current forces, which the method minimises."""
         return float(0.5 * np.sum((self.a + self._contact.free) * self.r))
 
     def step(self) -> None:
@@ -146,12 +149,15 @@ class _GivenBound:
             self._expand()
 
     def _expand(self) -> None:
-        """Perform a projected gradient step of length 1/|A|, which decreases the energy."""
+        """Perform a projected gradient step, which decreases the energy.
+
+        Its length is the reciprocal of the largest eigenvalue of the compliance.
+        """
         self.r = self._projected(self.r - self.a / self._contact.longest)
         self._refresh()
 
     def _feasible(self, d: Array) -> float:
-        """Return the largest feasible step length along -d."""
+        """Return the largest step length along -``d`` for which the forces satisfy their bounds."""
         most = np.inf
         falls = d[:, -1] > 0
         if falls.any():

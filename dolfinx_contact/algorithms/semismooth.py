@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Semismooth Newton method for the reduced problem, with exact or regularised contact laws.
 
-With the projection Pi of `PointProblem.allowed`, the exact laws are r = Pi(r - k a). With a fixed
-force l they become the compliant laws r = Pi(l - k a): l = 0 is a penalty method with stiffness k,
-and an estimate l of the contact force gives the augmented Lagrangian method (`uzawa`). A
-nonmonotone line search shortens steps whose residual norm exceeds the largest of the last five
-(Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
+Let r be the contact forces, a the displacements and k > 0 a stiffness. With the projection Pi onto
+admissible forces (`PointProblem.allowed`), the exact laws are r = Pi(r - k a). With a fixed force l
+they become the compliant laws r = Pi(l - k a): l = 0 is a penalty method with stiffness k, and an
+estimate l of the contact force gives the augmented Lagrangian method (`uzawa`). A nonmonotone line
+search shortens steps whose residual norm exceeds the largest of the last five (Grippo, Lampariello
+and Lucidi, SIAM J. Numer. Anal. 23, 1986).
 
 `SemismoothNewton` takes the full steps of Alart and Curnier (CMAME 92, 1991) until the relative
 residual of the laws is below the tolerance. It fails if the statuses repeat in a cycle or do not
@@ -47,10 +48,10 @@ class SemismoothNewton(Algorithm):
 def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array]:
     """Return displacements and forces after a full Newton step, shape (m, dim) each.
 
-    In 2D the result is the equilibrium state for the statuses of (a, r).
+    In 2D the result is the equilibrium state for the statuses of the points before the step.
 
     Raises:
-        numpy.linalg.LinAlgError: if the statuses do not determine a unique state.
+        numpy.linalg.LinAlgError: if these statuses do not determine a unique state.
     """
     # Linearise with displacements and forces as independent unknowns, then eliminate the forces.
     k = contact.augmentation
@@ -73,6 +74,9 @@ def solve_semismooth(
     most: int = 100,
 ) -> tuple[Array, int, bool]:
     """Solve the exact or compliant contact laws by a damped semismooth Newton method.
+
+    With the projection Pi onto admissible forces, the forces are r = Pi(r - k a) under the exact
+    laws and r = Pi(l - k a) under compliant laws with fixed forces l.
 
     Args:
         contact: reduced problem.
@@ -112,11 +116,12 @@ def solve_semismooth(
 def solve_yielding(
     contact: PointProblem, a: Array, held: Array, stiffness: Array, *, cold: bool
 ) -> tuple[Array, int, bool]:
-    """Solve the compliant contact laws; after a cold start, increase the stiffness gradually.
+    """Solve compliant contact laws; after a cold start, increase their stiffness gradually.
 
-    If the initial state penetrates the obstacle deeply, stiff contact makes slips oscillate. If
-    Newton's method fails for a stiffness, a value between this one and the last successful one is
-    tried first.
+    With the projection Pi onto admissible forces and fixed forces l, the forces are
+    r = Pi(l - k a). If the initial state penetrates the obstacle deeply, stiff contact makes slips
+    oscillate. If Newton's method fails for a stiffness, a value between this one and the last
+    successful one is tried first.
 
     Args:
         contact: reduced problem.
@@ -146,9 +151,11 @@ def solve_yielding(
 
 
 def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> tuple[Array, Array]:
-    """Return the residual r - Pi(s) with r = S a - p, and the argument s of the projection.
+    """Return the residual of the contact laws and the argument of the projection.
 
-    s is r - k a for the exact laws, and ``held`` - k a for the compliant laws.
+    The residual is r - Pi(s) with the forces r at the displacements ``a`` and the projection Pi
+    onto admissible forces. The argument s is r - k a for the exact laws, and ``held`` - k a for the
+    compliant laws.
     """
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a

@@ -4,12 +4,12 @@ r"""Fixed-point iteration of Tresca's problems on the friction bounds.
 S(g) = F rn(g) maps friction bounds g to the bounds following from the normal forces rn(g) of
 Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Methods Appl. Sci. 5,
 1983; Raous, CISM 570, 2017, section 3c). For each g, Tresca's problem is convex and has a unique
-solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,
-computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). The
-convex problems are solved by the semismooth Newton method. The iteration stops when the relative
-residual of Coulomb's law is below the tolerance. It contracts for small friction only. For larger
-friction it converges slowly, or it fails because the bounds repeat in a cycle or a convex problem
-is not solved.
+solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed relaxation factor omega or
+with Aitken's factor, computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods
+Eng. 1, 1969). The convex problems are solved by the semismooth Newton method. The iteration stops
+when the relative residual of Coulomb's law is below the tolerance. It contracts for small friction
+only. For larger friction it converges slowly, or it fails because the bounds repeat in a cycle or a
+convex problem is not solved.
 """
 
 from __future__ import annotations
