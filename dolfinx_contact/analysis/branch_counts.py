@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Numbers of solutions at values of gamma along branches, proved where possible.
 
-A complete diagram contains every branch that is connected to its starts. Other solutions are found
-only by a search at one gamma (`find_solutions`), which may also prove completeness. The search runs
-at the ends of the range and midway between neighbouring special points, where no status is at a
-border. Its solutions are compared with the branches, interpolated between their points.
+A complete diagram contains every branch that is connected to the states from which it was explored.
+Other solutions are found only by a search at one value of the load parameter gamma
+(`find_solutions`), which may also prove completeness. The search runs at the ends of the range and
+midway between neighbouring special points, where no status is at a border. The solutions found are
+compared with the branches, which are interpolated between their points.
 """
 
 from __future__ import annotations
@@ -83,8 +84,8 @@ class ProvedCount:
         """Return gamma, the number of solutions and the method as text.
 
         Args:
-            scale: magnitude of the largest gamma; values of gamma within its round-off are printed
-                as 0.
+            scale: magnitude of the largest gamma; values of gamma within the round-off of this
+                magnitude are printed as 0.
         """
         many = f"{self.number} solution{'' if self.number == 1 else 's'}"
         known = "proved" if self.proved else "others are not excluded"
@@ -100,7 +101,8 @@ class BranchCounts:
 
     Attributes:
         counts: counts, ordered by gamma.
-        followed: whether the diagram contained every branch connected to its starts.
+        followed: whether the diagram was complete, that is, contained every branch connected to the
+            states from which it was explored.
     """
 
     counts: tuple[ProvedCount, ...]
@@ -205,8 +207,8 @@ def prove_counts(
     Args:
         system: system of the branches.
         diagram: result of `explore`, complete or not.
-        gammas: values of gamma; by default the ends of the range of the branches and the midpoints
-            between neighbouring special points.
+        gammas: values of the load parameter gamma; by default the ends of the range of the branches
+            and the midpoints between neighbouring special points.
         most: largest number of midpoints; the longest intervals are preferred. Default 20.
         proof_seconds: time limit of each proof in seconds. Default 60.
 
@@ -227,7 +229,9 @@ def prove_counts(
 
 
 def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
-    """Return values of gamma: the ends of the range, and midpoints between special points.
+    """Return the values of the load parameter gamma at which solutions are counted.
+
+    They are the ends of its range, and midpoints between neighbouring special points.
 
     Args:
         branches: branches of the diagram.
@@ -263,7 +267,7 @@ def _counted(
         branches: branches of the diagram.
         gamma: load parameter.
         guess: state on a branch, used as an initial guess.
-        size: norm of the largest state on the branches.
+        size: largest norm of a state on the branches.
         seconds: time limit of the proof in seconds.
     """
     begun = perf_counter()
@@ -279,13 +283,17 @@ def _counted(
 
 
 def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Match the branches with the solutions at one gamma. Collective.
+    """Match the solutions at one gamma with the branches that pass it. Collective.
 
     Each branch is assigned to the nearest solution within its tolerance.
 
+    Args:
+        found: solutions at gamma.
+        known: interpolated states of the branches at gamma (`_crossings`).
+
     Returns:
-        For each solution, the index of its first branch, -1 if it has none; and the sorted
-        indices of the branches without a solution.
+        For each solution, the index of its first branch, -1 if it has none; and the sorted indices
+        of the branches without a solution.
     """
     on = [-1] * len(found.found)
     unfound: set[int] = set()
@@ -337,11 +345,18 @@ def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
 def _crossings(
     system: System, layout: Layout, branches: list[Branch], gamma: float, size: float
 ) -> list[_Crossing]:
-    """Interpolate the branches at one gamma, where they reach it. Collective.
+    """Return the states at which branches pass one gamma, by interpolation. Collective.
+
+    Args:
+        system: system of the branches.
+        layout: layout of the unknowns of the system.
+        branches: branches of the diagram.
+        gamma: load parameter.
+        size: largest norm of a state on the branches.
 
     Returns:
-        Index of the branch, interpolated state, and the distance up to which a solution counts
-        as this state; one such tuple wherever a branch passes gamma.
+        One tuple for each passage of a branch through gamma: the index of the branch, the
+        interpolated state, and the distance up to which a solution counts as this state.
     """
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []

@@ -40,17 +40,20 @@ _SAME = 1e-9  # distance to the end of a cell that counts as zero, relative to t
 
 @dataclass(frozen=True)
 class ChartCell:
-    """Cell of a chart: a rectangle, or the area between two curves.
+    """Cell of a chart over (mu, gamma): a rectangle, or the area between two curves.
 
     Attributes:
-        mu: lower and upper end.
-        gamma: lower and upper end; for a cell between curves, the ends of the chart.
-        solutions: statuses of the solutions at the midpoint, one letter per contact point, sorted.
+        mu: smallest and largest mu of the cell.
+        gamma: smallest and largest gamma of the cell; for a cell between curves, the range of gamma
+            of the chart.
+        solutions: statuses of the solutions at the midpoint, as sorted strings with one letter per
+            contact point.
         proved: whether the solutions are provably complete; False if the slips of a solution exceed
             the range of small sliding (`ContactFamily.reach`).
         below: curves bounding the cell from below, more than one if they coincide; empty if the
             cell ends at ``gamma[0]``.
-        above: curves that bound it from above.
+        above: curves bounding the cell from above, more than one if they coincide; empty if the
+            cell ends at ``gamma[1]``.
     """
 
     mu: tuple[float, float]
@@ -77,7 +80,7 @@ class ChartCell:
         return not (self.below or self.above)
 
     def ends(self, mu: float) -> tuple[float, float]:
-        """Return the smallest and the largest gamma at mu."""
+        """Return the smallest and the largest gamma of the cell at a given mu."""
         low, high = self.mu
         # At its own end a curve may have no gamma.
         inside = float(np.clip(mu, low + _SAME * (high - low), high - _SAME * (high - low)))
@@ -101,7 +104,7 @@ class Chart:
     """Numbers of solutions over two parameters.
 
     Attributes:
-        cells: cells filling the ranges without overlap, by mu and gamma.
+        cells: cells filling the ranges of mu and gamma without overlap, ordered by mu and gamma.
         curves: curves along which cells were divided, or which bound the cells.
         explained: whether the solutions change across each curve as its kind requires, and nowhere
             else; None for a chart of `count_solutions`.
@@ -117,7 +120,7 @@ class Chart:
         return all(c.proved for c in self.cells)
 
     def at(self, mu: float, gamma: float) -> ChartCell:
-        """Return the cell containing (mu, gamma).
+        """Return the cell that contains the parameters (mu, gamma).
 
         Raises:
             ValueError: if the point lies outside all cells.
@@ -168,7 +171,10 @@ def solutions_at(
 
 
 def letters(solutions: Statuses) -> tuple[str, ...]:
-    """Return the statuses of solutions as sorted strings, with one letter per contact point."""
+    """Return the statuses of each solution as a string with one letter per contact point.
+
+    The strings are sorted.
+    """
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
 
@@ -201,8 +207,8 @@ def count_solutions(
 
     Args:
         family: problem with two parameters, the same on all ranks of its communicator.
-        mu_range: smallest and largest mu.
-        gamma_range: smallest and largest gamma.
+        mu_range: smallest and largest value of the second parameter mu.
+        gamma_range: smallest and largest value of the load parameter gamma.
         cells: initial number of cells along mu and gamma. Default (6, 6).
         depth: largest number of subdivisions of a cell. Default 2.
         curves: curves of folds and events, which are included in the chart. Cells crossed by a
@@ -218,7 +224,7 @@ def count_solutions(
 
 @dataclass(frozen=True)
 class _Leaf:
-    """Cell of the adaptive grid, in units of the finest cells.
+    """Square cell of the adaptive grid, measured in numbers of the finest cells.
 
     Attributes:
         i, j: indices of the first finest cell along mu and gamma.
@@ -234,7 +240,7 @@ class _Leaf:
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """Return the four quarters of this cell; its solutions become their known solutions."""
+        """Return the four quarters of this cell, with its solutions as their known solutions."""
         half = self.size // 2
         return [
             _Leaf(i, j, half, self.codes)
@@ -246,7 +252,7 @@ class _Leaf:
         """Return the slices of `_Counting.raster` covered by this cell.
 
         Args:
-            more: number of finest cells by which they are widened on each side.
+            more: number of finest cells by which the slices are widened on each side.
         """
         i, j = (slice(max(k - more, 0), k + self.size + more) for k in (self.i, self.j))
         return i, j
@@ -302,7 +308,10 @@ class _Counting:
         return ChartCell(ends(leaf.i, 0), ends(leaf.j, 1))
 
     def _counted(self, leaves: Sequence[_Leaf]) -> list[_Leaf]:
-        """Return the cells with their solutions; the searches start from known solutions."""
+        """Find the solutions of cells and return the cells with these solutions.
+
+        Each search starts from the known solutions of the cell.
+        """
         places = [self._cell(leaf).middle for leaf in leaves]
         known = [leaf.codes for leaf in leaves]
         found = solutions_at(self._family, places, known, self._seconds, "cells")
@@ -317,7 +326,7 @@ class _Counting:
         changes although no fold is known there.
 
         Args:
-            level: cells of the present size.
+            level: cells of one size.
             passed: mask of the finest cells crossed by folds.
         """
         at_border = [leaf for leaf in level if passed[leaf.place()].any()]

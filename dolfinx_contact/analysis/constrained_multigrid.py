@@ -53,7 +53,7 @@ def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
     """Return True if each row has a node of its own, as multigrid requires. Collective.
 
     Args:
-        rows: blocks of R, without the columns of Dirichlet data.
+        rows: matrices of the jump components that are held, without the columns of Dirichlet data.
         dim: number of unknowns per node.
     """
     R = stacked(rows)
@@ -65,10 +65,13 @@ def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
 
 
 def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
-    """Return R_o as a new matrix, or None if a row has no node of its own. Collective.
+    """Return the matrix R_o of the module, or None. Collective.
+
+    It contains the entries of each row at a node of its own, divided by the square of their norm.
+    None if a row has no node of its own.
 
     Args:
-        rows: matrix R with columns for the displacement dofs.
+        rows: matrix R of the held jump components, with columns for the displacement dofs.
         dim: number of unknowns per node.
     """
     starts, columns, values = rows.getValuesCSR()
@@ -105,11 +108,13 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
 
 
 def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Array:
-    """Sum (v.w)^2 over the entries w of all rows at the node of v, for each vector v. Collective.
+    """Return the sum of (v.w)^2 over the rows at the node of v, for each v. Collective.
+
+    v and w are vectors of the matrix entries of one row at one node.
 
     Args:
-        rows: matrix R.
-        at: vectors v, each containing the entries of one row at one node, shape (k, dim).
+        rows: matrix R of the held jump components.
+        at: vectors v, shape (k, dim).
         entry: index of the vector v that contains each matrix entry of this rank.
 
     Returns:
@@ -131,12 +136,14 @@ def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Arr
 
 
 class ConstrainedMultigrid:
-    """Multigrid solver of the constrained body; see the module. All methods are collective.
+    """Multigrid solver of a body with jump components held at zero (see the module).
+
+    All methods are collective.
 
     Args:
         eq: contact problem.
         u: displacement of this rank at which the stiffness is evaluated.
-        rows: blocks of R, without the columns of Dirichlet data.
+        rows: matrices of the held jump components, without the columns of Dirichlet data.
         prefix: prefix of PETSc options, followed by ``held_`` for the Krylov method and ``amg_``
             for the multigrid hierarchy.
 
@@ -181,14 +188,15 @@ class ConstrainedMultigrid:
         destroy(K, A, held)
 
     def solve(self, load: Array, start: Array | None = None) -> list[Array]:
-        """Solve the constrained system for one load.
+        """Compute the displacement and the constraint forces under one load.
 
         Args:
-            load: owned part of the load b.
-            start: initial guess of w, zero by default.
+            load: owned part of the load.
+            start: initial guess of the displacement, zero by default.
 
         Returns:
-            Displacement, and the multipliers (forces) of each block; owned parts.
+            Displacement, and the multipliers (forces) of each matrix of held components; owned
+            parts.
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -232,7 +240,10 @@ class ConstrainedMultigrid:
         return motions, forces
 
     def leaves_alone(self, D: PETSc.Mat) -> bool:
-        """Return True if R_o D^T = 0, so that forces D^T f act only on free motions. Collective."""
+        """Return True if forces D^T f act only on free motions. Collective.
+
+        The condition is R_o D^T = 0 with the matrix R_o of the module.
+        """
         transposed = D.transpose(PETSc.Mat())
         forces = self._own.matMult(transposed)
         off = forces.norm(PETSc.NormType.NORM_INFINITY)
@@ -240,14 +251,16 @@ class ConstrainedMultigrid:
         return bool(off <= _OWN)
 
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
-        """Return the eigenvalue solver of the map f -> p for the load b = D^T f. Collective.
+        """Return the eigenvalue solver of the map f -> p for the load D^T f. Collective.
 
-        p is the first block of multipliers. With u = Z w and G w = p, the eigenvalues solve (D Z)^T
-        G w = mu (Z^T K Z + k R_o^T R_o) w. The body must be `symmetric`. Destroy the returned
-        object before this one.
+        p are the multipliers of the first matrix of held components. In the notation of the module,
+        u = Z w and G w = p, and the eigenvalues mu solve the problem (D Z)^T G
+        w = mu (Z^T K Z + k R_o^T R_o) w. The body must be `symmetric`. Destroy the returned object
+        before this one.
 
         Args:
-            D: matrix with as many rows as the first block, for which `leaves_alone` is true.
+            D: matrix with as many rows as the first matrix of held components, for which
+                `leaves_alone` is true.
             loads: magnitudes of the random vector with which a search begins (`Davidson`).
         """
         first = self._forces.getOwnershipRange()[0]
@@ -274,7 +287,12 @@ class ConstrainedMultigrid:
 
 
 def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
-    """Return the projection Z = 1 - R_o^T R. Collective."""
+    """Return the projection 1 - R_o^T R onto the motions with R u = 0. Collective.
+
+    Args:
+        R: matrix of the held jump components.
+        own: matrix R_o, see `_own_nodes`.
+    """
     removed = own.transposeMatMult(R)
     one = PETSc.Mat().createConstantDiagonal(removed.getSizes(), 1.0, comm=R.comm)
     Z = one.convert("aij", PETSc.Mat())

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction: coefficients with continua of slipping solutions.
 
-All contact points are closed and slip along unit tangents d; transverse slip is prevented. Let S be
-the stiffness condensed onto the contact points, with the blocks S_tt and S_nt for forces along d
-and along the normals. A slip v d causes the shears r_t = S_tt v and the pressures r_n = S_nt v. If
+All contact points are closed, and the slip of each is a multiple of a unit tangent d; transverse
+slip is prevented. Let S be the stiffness condensed onto the contact points, with the block S_tt for
+the components of forces in the directions d and the block S_nt for normal forces. Slips v d, with
+one factor in v for each point, cause the shears r_t = S_tt v and the pressures r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
@@ -11,8 +12,8 @@ a real v can be added to a sliding solution with this F as long as all points re
 the slip keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
 solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
 Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
-Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
-along d: mirroring the body changes the sign.
+Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to sliding in the direction -d (r_t = F r_n),
+F < 0 to sliding in the direction d: mirroring the body changes the sign of F.
 
 A slip v of one sign can be added to every state at the friction bound, even without previous slip,
 as long as all points remain in contact. A slip v of both signs can be added only if all points have
@@ -97,15 +98,15 @@ BodySolverKind = Literal["auto", "direct", "amg"]
 
 @dataclass(frozen=True)
 class CriticalFriction:
-    """Critical friction coefficients F of a body whose contact points slip along unit vectors d.
+    """Critical friction coefficients F of a body whose points slip parallel to unit vectors d.
 
-    At a critical coefficient, a slip v along d can be added to a sliding solution. It satisfies
+    At a critical coefficient, slips v d can be added to a sliding solution. They satisfy
     S_tt v = F S_nt v, where S_tt v are the shears and S_nt v the pressures caused by v.
 
     Attributes:
         friction: coefficient of smallest magnitude with a real slip of one sign. It is positive if
-            points slip against d, and negative if they slip along d. None if no such coefficient is
-            below `known_up_to`.
+            points slip in the direction -d, and negative if they slip in the direction d. None if
+            no such coefficient is below `known_up_to`.
         slips: nonnegative slips v of the m slipping points at the coefficient `friction`, scaled to
             a maximum of 1, shape (m,); empty if `friction` is None. For a multiple coefficient, v
             is a combination of its slips. Coefficients count as equal if they differ by less than
@@ -144,7 +145,10 @@ class CriticalFriction:
 
     @property
     def others(self) -> list[complex]:
-        """Mixed and complex coefficients, ordered by magnitude."""
+        """Coefficients with real slips of both signs and complex coefficients.
+
+        They are ordered by magnitude.
+        """
         # The positive one of two mirrored coefficients comes first, as in the lists.
         others = [*map(complex, self.mixed), *self.unreal]
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
@@ -173,26 +177,27 @@ def critical_friction(
 ) -> CriticalFriction:
     """Compute the critical friction coefficients of a body in contact. Collective.
 
-    The friction coefficient of the law does not matter: all slipping points have the same F. Points
-    of `Frictionless` surfaces, and slipping points with a prescribed bound (Tresca), count as
-    frictionless: they stay closed and move freely along the surface. A nonlinear bulk is linearised
-    at the displacement in the Functions. With more than 512 points, only the coefficients of
-    smallest magnitude are computed, and the lists are complete up to
+    The friction coefficient of the law does not matter: all slipping points have the same
+    coefficient F. Points of `Frictionless` surfaces, and slipping points with a prescribed bound
+    (Tresca), count as frictionless: they stay closed and move freely along the surface. A nonlinear
+    bulk is linearised at the displacement in the Functions. With more than 512 points, only the
+    coefficients of smallest magnitude are computed, and the lists are complete up to
     `CriticalFriction.known_up_to`. Increase ``count`` for a larger range, or compute all
     coefficients with ``dense=True``.
 
     Args:
         problem: contact problem, nodal or mixed.
-        direction: slip direction d. With a vector, all contact points are closed and slip along its
-            tangential part; the default is t = (-n_y, n_x) in 2D. With ``"solution"``, points slip,
-            stick or are open as in the solution in the Functions.
+        direction: slip direction d. With a vector, all contact points are closed and d is the
+            normalised tangential part of this vector; the default in 2D is t = (-n_y, n_x) for the
+            normal n. With ``"solution"``, points slip, stick or are open as in the solution in the
+            Functions.
         count: number of eigenvalues if not all are computed; default 1. If none of them has a real
             slip of one sign, up to 16 times as many are computed. Further eigenvalues are often
             close together and slow to compute. Multigrid does not search for coefficients above a
             thousand times the first.
         dense: whether all eigenvalues are computed; by default up to 512 points, 64 with multigrid.
-        solver: solver of the body: ``direct``, or ``amg`` (multigrid) for contact at nodes. The
-            default is multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D.
+        solver: linear solver of the body: ``direct``, or ``amg`` (multigrid) for contact at nodes.
+            The default is multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D.
             ``-analysis_linear_solver`` takes precedence.
 
     Raises:
@@ -253,7 +258,7 @@ def takes_all(dense: bool | None, number: int, kind: str) -> bool:
     """Return whether all coefficients are computed, rather than only the smallest.
 
     Args:
-        dense: request of the user; if None, the number of points decides.
+        dense: the user's choice; if None, the number of points decides.
         number: number of slipping points.
         kind: solver of the body, ``direct`` or ``amg``.
     """
@@ -261,7 +266,7 @@ def takes_all(dense: bool | None, number: int, kind: str) -> bool:
 
 
 class _PressureByShear:
-    """Operator T from shears to pressures at the slipping points. Collective."""
+    """Operator T that maps shears at the slipping points to pressures. Collective."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
@@ -294,7 +299,14 @@ class _PressureByShear:
         return 0, 0
 
     def _respond(self, shear: Array, *start: Array) -> Array:
-        """Return shears, and the slips and pressures caused by them, on this rank, shape (3, m)."""
+        """Return shears, and the slips and pressures caused by these shears, shape (3, m).
+
+        The result contains the m slipping points of this rank.
+
+        Args:
+            shear: shears at these points, shape (m,).
+            start: initial guess of the displacement for multigrid.
+        """
         shear = shear.copy()
         u, pressure = self.solve(shear, *start)
         self._u.array[:] = u
@@ -304,12 +316,18 @@ class _PressureByShear:
     def _gathered(
         self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
     ) -> SlipModes:
-        """Return the result of ``modes`` for the gathered shears, slips, pressures and softness."""
+        """Call ``modes`` with the data of all slipping points and return its result. Collective.
+
+        Args:
+            seen: shears, slips and pressures on this rank for each of k vectors, shape (3, m) each.
+            modes: function of shears, slips and pressures, shape (number of points, k) each, and of
+                the slip of each point under a unit force (`softness_of`).
+        """
         columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
         return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 
     def all(self) -> SlipModes:
-        """Return all coefficients, from all eigenvalues of T, with their slips and shears."""
+        """Return all coefficients F, from all eigenvalues 1/F of T, with slips and shears."""
         D = self._slip.D
         slips, pressures = self._body.respond(columns_of(D), D)
         return on_gathered(self.comm, SlipModes.of_matrix, slips, pressures, self._softness)
@@ -335,12 +353,17 @@ class _PressureByShear:
     # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: ConstrainedMultigrid, count: int) -> SlipModes:
-        """Compute the eigenvalues of T in order of decreasing magnitude.
+        """Compute the coefficients of smallest magnitude by Davidson's method.
 
-        An unfinished search for the next eigenvalue still gives an upper bound of the remaining
-        magnitudes. Among close eigenvalues it may find one that is not the largest. Let the columns
-        of f be the shears found so far, E f their slips and T f their pressures. On the span of f,
+        The eigenvalues of T are found in order of decreasing magnitude. An unfinished search for
+        the next eigenvalue still gives an upper bound of the remaining magnitudes. Among close
+        eigenvalues it may find one that is not the largest. Let the columns of f be the shears
+        found so far, E f the slips and T f the pressures caused by these shears. On the span of f,
         the eigenvalues of T are the eigenvalues of (f^T E f)^-1 f^T E T f.
+
+        Args:
+            body: multigrid solver of the body.
+            count: number of coefficients; more are computed if none of them has a slip of one sign.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -363,7 +386,10 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Estimate the magnitude up to which no F is missing by a rough search for the next one."""
+        """Return an estimate of the magnitude up to which no coefficient F is missing.
+
+        It follows from a rough search for the next eigenvalue 1/F.
+        """
         if search.number >= self._slip.number:
             return np.inf
         search.begin()
@@ -372,11 +398,11 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[Array], known: float) -> SlipModes:
-        """Return the eigenvalues of T on a subspace of shears.
+        """Return the coefficients F from the eigenvalues 1/F of T on a subspace of shears.
 
         Args:
             seen: shears, slips and pressures of each vector of the basis, shape (3, m) each.
-            known: magnitude below which no F is missing.
+            known: magnitude below which no coefficient F is missing.
         """
 
         def modes(f: Array, slips: Array, pressures: Array, softness: Array) -> SlipModes:
@@ -388,7 +414,10 @@ class _PressureByShear:
     # -- SLEPc ------------------------------------------------------------------------------------
 
     def _by_slepc(self, count: int) -> SlipModes:
-        """Compute the eigenvalues of T of largest magnitude, using products with T."""
+        """Compute coefficients F from the largest eigenvalues 1/F of T, using SLEPc.
+
+        SLEPc needs only products with T.
+        """
         T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
         number = solver.getConverged()
@@ -418,11 +447,11 @@ class _PressureByShear:
         y.array[:] = self.solve(x.array_r)[1]
 
     def _known_up_to(self, T: PETSc.Mat, subspace: list[PETSc.Vec]) -> float:
-        """Return the magnitude up to which no F is missing, by a search outside a subspace.
+        """Return the magnitude up to which no coefficient F is missing.
 
-        The subspace is invariant, so that the remaining eigenvalues of T are found outside it. The
-        search starts from another random vector and therefore finds eigenvalues missed by the first
-        search. The result is 0 if it finds none.
+        The remaining eigenvalues of T are searched for outside the subspace of the computed ones,
+        which is invariant. This search starts from another random vector and therefore finds
+        eigenvalues missed by the first search. The result is 0 if it finds no eigenvalue.
         """
         if len(subspace) >= self._slip.number:
             return np.inf
@@ -436,9 +465,9 @@ class _PressureByShear:
         """Search for the eigenvalues of T of largest magnitude outside a subspace.
 
         Args:
-            T: matrix-free operator.
+            T: matrix-free operator from shears to pressures.
             count: number of eigenvalues.
-            without: basis of the subspace.
+            without: basis of the excluded subspace.
 
         Returns:
             SLEPc's EPS object after the solve.
@@ -463,9 +492,9 @@ class _PressureByShear:
 
 
 def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
-    """Return the slip of each point under a unit force, shape (m,). Collective.
+    """Estimate the slip of each point under a unit force, shape (m,). Collective.
 
-    All other points are held.
+    Only the diagonal of the stiffness is used, as if all other unknowns were held.
 
     Args:
         D: matrix of the slips, one row per point.

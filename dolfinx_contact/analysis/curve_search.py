@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for curves of folds and events in two parameters, starting from known points.
 
-On a border (`family`) gamma is a function of mu on some intervals. An interval ends where a second
-point reaches a border, or where the first point reaches the apex of its cone; other borders contain
-the same state. Within an interval, a piece next to the border may be singular at some mu. This
-piece then contains a line of solutions with one gamma, whose other end lies on another border; on
-both borders folds turn into events or vice versa. All these meeting points are roots of rational
-functions. The curves are followed from one meeting point to the next.
+On a border, one contact point is between two statuses, and the load parameter gamma is a function
+of the second parameter mu on some intervals (`family`). An interval ends where a second point
+reaches a border, or where displacement and force of the first point vanish; other borders contain
+the same state. Within an interval, the equations for the statuses on one side of the border may be
+singular at some mu. They then have a line of solutions with one gamma, whose other end lies on
+another border; on both borders folds turn into events or vice versa. All these meeting points are
+roots of rational functions. The curves are followed from one meeting point to the next.
 """
 
 from __future__ import annotations
@@ -39,17 +40,17 @@ def follow_events(
     *,
     folds_only: bool = True,
 ) -> EventCurves:
-    """Follow the curves of given borders, and all curves that they meet.
+    """Follow the curves of folds and events on given borders, and all curves they meet.
 
     Args:
         family: problem with two parameters.
-        starts: statuses of borders (`Frame`), each with a mu at which the border has a state.
-        mu_range: smallest and largest mu.
-        gamma_range: smallest and largest gamma.
+        starts: statuses of each border (`Frame`), and a mu at which a state on the border exists.
+        mu_range: smallest and largest value of the second parameter mu.
+        gamma_range: smallest and largest value of the load parameter gamma.
         folds_only: whether only curves of folds are followed, and no events. Default True.
 
     Raises:
-        ValueError: if a border has no state at its given mu.
+        ValueError: if no state on a border exists at the given mu.
     """
     search = _Search(family, mu_range, gamma_range, folds_only)
     for codes, mu in starts:
@@ -98,7 +99,7 @@ class _Search:
         return self._segments[key]
 
     def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
-        """Return the intervals of mu in which the border has states."""
+        """Return the intervals of mu in which states on the border exist."""
         cuts = [self.mus[0]]
         one = _ONE * (self.mus[1] - self.mus[0])
         for mu in frame.ends(self.mus, self.gammas):
@@ -144,7 +145,14 @@ class _Search:
     # -- meetings --------------------------------------------------------------------------------
 
     def _meeting(self, s: Segment, mu: float) -> Meeting | None:
-        """Return the meeting point at an end of a segment; None at the ends of the ranges."""
+        """Return the point where a segment meets other segments; None if it ends without meeting.
+
+        This is the case if mu or gamma reaches an end of its range.
+
+        Args:
+            s: segment.
+            mu: value of mu at the end of the segment.
+        """
         if mu in self.mus:
             return None
         w = s.frame.state(mu)
@@ -188,7 +196,14 @@ class _Search:
         return float(max(k * np.abs(w[:, :2]).max(), np.abs(w[:, 2:]).max()))
 
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
-        """Return all borders that contain the state ``w``; None if there are too many."""
+        """Return the statuses of all borders that contain a state, shape (m,) each.
+
+        None if there are too many borders, or if the state of a point satisfies no status.
+
+        Args:
+            w: state, shape (m, 4).
+            mu: second parameter.
+        """
         f = self.family
         tolerance = _HELD * self._size(w)
         held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]
@@ -214,11 +229,14 @@ class _Search:
     def _far_end(
         self, frame: Frame, which: int, mu: float, w: Array
     ) -> Iterator[tuple[Codes, Array]]:
-        """Yield the border at the other end of a line of states, with the state there.
+        """Yield the border at the other end of a line of states, and the state there.
+
+        The states on the line solve the singular equations for the statuses on one side of a
+        border, all with the same mu and gamma.
 
         Args:
             frame: border at this end of the line.
-            which: side of this border (0 or 1) on which the piece is singular.
+            which: side of this border (0 or 1) on which the equations are singular.
             mu: second parameter.
             w: state at this end, shape (m, 4).
         """

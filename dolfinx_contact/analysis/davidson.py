@@ -3,22 +3,25 @@ r"""Eigenvalues of largest modulus by Davidson's method with one multigrid cycle
 
     E^T G w = mu A w
 
-A is symmetric and positive definite. Each row of E and G involves few entries of w. A^-1 is never
-applied. On a basis W with W^T A W = 1, the Ritz values are the eigenvalues of (E W)^T (G W). The
-residual r of the Ritz pair of largest modulus gives the next basis vector M r, where M is a
-multigrid cycle that approximates A^-1 (E. R. Davidson, J. Comput. Phys. 17, 1975; R. B. Morgan and
-D. S. Scott, SIAM J. Sci. Stat. Comput. 7, 1986). With M = A^-1 this is Arnoldi's method for
-A^-1 E^T G, which needs a solve per step and hardly fewer steps.
+mu is an eigenvalue and w its eigenvector. A is symmetric and positive definite; E and G are
+rectangular, and each of their rows has few nonzero entries. A^-1 is never applied. On a basis W
+with W^T A W = 1, the Ritz values are the eigenvalues of (E W)^T (G W). The residual r of the Ritz
+pair of largest modulus gives the next basis vector M r, where M is a multigrid cycle that
+approximates A^-1 (E. R. Davidson, J. Comput. Phys. 17, 1975; R. B. Morgan and D. S. Scott, SIAM J.
+Sci. Stat. Comput. 7, 1986). With M = A^-1 this is Arnoldi's method for A^-1 E^T G, which needs a
+solve per step and hardly fewer steps.
 
 A search begins with a random vector, A-orthogonal to the converged vectors of earlier searches, so
-that it finds missed eigenvalues, including multiple ones. Its first vectors use r = E^T G w_k
-instead of the residual of a Ritz pair. That residual would lose large components elsewhere in the
-random vector, for example in bodies that do not touch.
+that it finds missed eigenvalues, including multiple ones. Each of its first basis vectors is
+computed from r = E^T G w_k with the previous vector w_k, not from the residual of a Ritz pair. That
+residual would lose large components elsewhere in the random vector, for example in bodies that do
+not touch.
 
-SLEPc's GD stops at the norm of the residual, which does not bound the error of an eigenvalue of
-this problem: on the leaning cube of `benchmarks/critical_friction.py` with 28 k unknowns it took 82
-cycles for the first coefficient (52 here), and outside its vector it ended at 2.46, where 2.37 is
-found here; SLEPc's JD accepts no preconditioner without a Krylov method.
+SLEPc's generalised Davidson method stops at the norm of the residual, which does not bound the
+error of an eigenvalue of this problem. For the leaning cube of `benchmarks/critical_friction.py`
+with 28 000 unknowns it took 82 cycles for the first critical friction coefficient, whereas this
+module takes 52. SLEPc's search for the next coefficient ended at 2.46, but this module finds 2.37.
+SLEPc's Jacobi-Davidson method accepts no preconditioner without a Krylov method.
 """
 
 from __future__ import annotations
@@ -46,11 +49,13 @@ _DEPENDENT = 1e-10  # relative norm outside the basis below which a vector is de
 
 
 class Davidson:
-    """Davidson's method for E^T G w = mu A w; see the module. All methods are collective.
+    """Davidson's method for the eigenproblem E^T G w = mu A w. All methods are collective.
+
+    The method is described in the module. mu is an eigenvalue and w its eigenvector.
 
     Args:
         A: symmetric positive definite matrix.
-        cycle: multigrid cycle M, symmetric and positive definite.
+        cycle: multigrid cycle M that approximates A^-1, symmetric and positive definite.
         E: matrix with m rows, which `destroy` also destroys.
         G: matrix with m rows, which `destroy` also destroys.
         loads: magnitudes of the entries of the random vector f with which a search begins, in the
@@ -61,7 +66,7 @@ class Davidson:
         number: number of converged vectors, which `keep` has added to the basis.
         largest: largest |mu| of the converged vectors.
         size: |mu| of the leading Ritz pair in the current search.
-        off: residual norm (r^T M r)^(1/2) of this Ritz pair, for w^T A w = 1.
+        off: norm (r^T M r)^(1/2) of the residual r of this Ritz pair, for w^T A w = 1.
         error: estimated error of mu: residual norm times the condition number 1 / |z^T w| of the
             eigenvalue with the left Ritz vector z (G. W. Stewart and J. Sun, Matrix Perturbation
             Theory, 1990, ch. IV).
@@ -104,13 +109,14 @@ class Davidson:
                 break
 
     def converge(self, tolerance: float) -> None:
-        """Iterate until the error is small or the residual is round-off.
+        """Iterate until the error of the leading eigenvalue is small or the residual is round-off.
 
         Args:
-            tolerance: largest error of mu, relative to `size`.
+            tolerance: largest error of the eigenvalue, relative to its magnitude.
 
         Raises:
-            RuntimeError: on every rank, after too many cycles, or if A is not positive definite.
+            RuntimeError: on every rank, after too many cycles, or if the matrix A is not positive
+                definite.
         """
         begun = self.cycles
         while True:
@@ -139,10 +145,12 @@ class Davidson:
                 self._add(self._random())
 
     def keep(self) -> tuple[Array, Array]:
-        """Keep the Ritz vector of the search, or the two vectors of a complex pair.
+        """Add the leading Ritz vector of the search to the converged ones.
+
+        Both vectors of a complex pair are added. The eigenproblem is E^T G w = mu A w.
 
         Returns:
-            Forces f = G w of the new vectors w, shape (m, 1 or 2), and the approximations of
+            Products f = G w for the new vectors w, shape (m, 1 or 2), and the approximations of
             A^-1 E^T f in the basis.
         """
         first = self.number
@@ -158,7 +166,8 @@ class Davidson:
         """Return the Ritz pairs of the search in order of decreasing modulus.
 
         Returns:
-            Ritz values; their vectors in the basis; and the condition number of the first value.
+            Ritz values; coefficients of the Ritz vectors in the basis, as columns; and the
+            condition number of the first value.
         """
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
@@ -173,21 +182,24 @@ class Davidson:
         return on_root(self.comm, by_size)
 
     def _residual(self, force: Array) -> Array:
-        """Return E^T f minus its projection on the basis.
+        """Return the residual of a Ritz pair of E^T G w = mu A w.
 
-        For f = G w with a Ritz vector w this is the residual r.
+        It is E^T f minus its projection on the basis.
+
+        Args:
+            force: product f = G w with the Ritz vector w, on this rank.
         """
         _, Aw, e, _ = self._parts(0)
         return self._load(force) - Aw @ self._sum(e.T @ force)
 
     def _load(self, force: Array) -> Array:
-        """Return E^T f."""
+        """Multiply a vector with m rows by E^T, where E is a matrix of the eigenproblem."""
         self._e.array[:] = force
         self._E.multTranspose(self._e, self._w)
         return self._w.array_r.copy()
 
     def _improvement(self, r: Array) -> Array:
-        """Return M r, the next basis vector."""
+        """Apply one multigrid cycle to a residual ``r``; the result is the next basis vector."""
         self._Aw.array[:] = r
         self._cycle.apply(self._Aw, self._w)
         self.cycles += 1
@@ -231,13 +243,19 @@ class Davidson:
         self._columns[:, first : self._used] = new
 
     def _parts(self, first: int) -> list[Array]:
-        """Return the columns of W, A W, E W and G W, without the first ``first`` ones."""
+        """Return the basis vectors w, and the products A w, E w and G w, as columns.
+
+        A, E and G are the matrices of the eigenproblem.
+
+        Args:
+            first: number of leading basis vectors that are left out.
+        """
         n = self._w.getLocalSize()
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)
 
     def _sum(self, mine: npt.ArrayLike) -> Array:
-        """Sum over all ranks."""
+        """Return the sum of an array over all ranks."""
         return total(self.comm, np.asarray(mine))
 
     @staticmethod
@@ -252,5 +270,5 @@ class Davidson:
 
 
 def _real_parts(value: complex, vector: Complex) -> list[Array]:
-    """Return the real vectors of an eigenvalue: one if it is real, two for a complex pair."""
+    """Return the real part of an eigenvector, and its imaginary part if ``value`` is complex."""
     return [vector.real, vector.imag] if value.imag else [vector.real]

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction in 3D as a function of the sliding direction.
 
-For each direction d in the plane of contact, all points slip along d. A slip v d causes the shears
-S_dd v along d and the pressures S_nd v. The critical coefficients are the eigenvalues F of S_dd v =
-F S_nd v (`critical_friction`). F > 0 belongs to slip against d and F < 0 to slip along d, so that
-half a circle of directions is sufficient. Friction is isotropic and acts against the slip;
-transverse slip is prevented.
+For each unit vector d in the plane of contact, the slips of all points are multiples of d, with the
+factors v, one for each point. They cause the shears (S_dd v) d and the pressures S_nd v, where S_dd
+and S_nd are blocks of the stiffness of the contact points. The critical coefficients are the
+eigenvalues F of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to sliding in the direction
+-d and F < 0 to sliding in the direction d, so that half a circle of directions is sufficient.
+Friction is isotropic and opposes the slip; transverse slip is prevented.
 """
 
 from __future__ import annotations
@@ -161,8 +162,9 @@ class _AllTangents:
     """Response of the contact points to forces along all tangents. Collective.
 
     With all normal displacements held, a unit force along each tangent causes the slips in a column
-    of C and the pressures in a column of P. If slip is free along d and held otherwise, S_dd =
-    d^T C^-1 d and S_nd = P C^-1 d.
+    of C and the pressures in a column of P. If the points slip only in the directions of the unit
+    vectors in the columns of d, unit slips cause the shears S_dd = d^T C^-1 d and the pressures
+    S_nd = P C^-1 d.
 
     Args:
         problem: contact problem.
@@ -191,7 +193,10 @@ class _AllTangents:
         self.solver = solver_of_body(eq, [self._N], solver)
 
     def coefficients(self, direction: Array) -> Array:
-        """Return all F for which a direction has a real slip of one sign; requires `held`."""
+        """Return the critical coefficients of a direction with real slips of one sign.
+
+        Requires that `held` is True.
+        """
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)
@@ -215,7 +220,11 @@ class _AllTangents:
 
     @cached_property
     def _responses(self) -> tuple[Array, Array]:
-        """Rows of C and P on this rank; collective when first computed."""
+        """Slips and pressures caused by a unit force along each tangent, as columns.
+
+        They are the rows on this rank of the matrices C and P of the class. Collective when first
+        computed.
+        """
         body = constrained_body(self._eq, self._u, [self._N], self.solver)
         try:
             return body.respond(columns_of(self._tangents), self._tangents)
@@ -228,7 +237,7 @@ class _AllTangents:
 
 
 def plane_across(normal: Array) -> Array:
-    """Return two orthonormal tangents, shape (2, 3).
+    """Return two orthonormal vectors perpendicular to a unit normal, shape (2, 3).
 
     The first is the x axis projected onto the tangent plane, or the y axis if the normal is close
     to the x axis.

@@ -28,13 +28,14 @@ _SAME = 1e-9  # fraction of the range of mu below which two values are equal
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Part of a curve with constant statuses.
+    """Part of a curve of folds or events on which all statuses are constant.
 
     Attributes:
-        frame: border (`family`) on which the segment lies.
-        low: smallest mu.
-        high: largest mu.
-        kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
+        frame: border on which the segment lies: one contact point is between two statuses
+            (`family`).
+        low: smallest value of the second parameter mu.
+        high: largest value of mu.
+        kind: ``"fold"`` if branches turn back in gamma at the curve, ``"event"`` if they continue.
     """
 
     frame: Frame
@@ -53,12 +54,12 @@ class Meeting:
     """Meeting point: a state at which several segments end.
 
     Attributes:
-        mu: second parameter.
-        gamma: load parameter.
+        mu: value of the second parameter.
+        gamma: value of the load parameter.
         left: segments ending here, at smaller mu.
         right: segments ending here, at larger mu.
-        singular: True if a singular piece contains a line of states with this mu and gamma, at
-            whose two ends the segments end; False if they end at a single state in which two
+        singular: True if the segments end at the two ends of a line of states with this mu and
+            gamma, on which no status changes; False if they end at a single state in which two
             points are at a border.
         complete: False if too many points are at a border to follow all segments.
     """
@@ -79,7 +80,7 @@ class Meeting:
 
 @dataclass(frozen=True, eq=False)
 class EventCurve:
-    """Chain of curve segments with increasing mu.
+    """Curve of folds or events: a chain of segments with increasing second parameter mu.
 
     Attributes:
         kind: kind of all segments, "fold" or "event".
@@ -91,16 +92,18 @@ class EventCurve:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Smallest and largest mu."""
+        """Smallest and largest value of the second parameter mu on the curve."""
         return self.segments[0].low, self.segments[-1].high
 
     def at(self, mu: float) -> float:
-        """Gamma at mu; NaN outside the span."""
+        """Return gamma on the curve at a given mu; NaN outside the span."""
         segment = self._segment_at(mu)
         return float("nan") if segment is None else segment.frame.gamma(mu)
 
     def statuses_at(self, mu: float) -> tuple[str, str]:
-        """Return the statuses on both sides at mu, as strings with one letter per contact point.
+        """Return the statuses on both sides of the curve at a given mu.
+
+        Each is a string with one letter per contact point.
 
         Raises:
             ValueError: if mu is outside the span.
@@ -120,7 +123,11 @@ class EventCurve:
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
-        """Return n points (mu, gamma) with ``number`` intervals per segment, shape (n, 2)."""
+        """Return n points (mu, gamma) of the curve, shape (n, 2).
+
+        Args:
+            number: number of intervals per segment; default 8.
+        """
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
@@ -143,7 +150,7 @@ class EventCurve:
 
 @dataclass(frozen=True, eq=False)
 class EventCurves:
-    """Curves in (mu, gamma) and their meeting points.
+    """Curves of folds and events in the parameters (mu, gamma), and their meeting points.
 
     Attributes:
         curves: curves of folds, then of events, sorted by mu and gamma.
@@ -155,7 +162,7 @@ class EventCurves:
 
     @property
     def folds(self) -> tuple[EventCurve, ...]:
-        """Curves on which gamma turns back."""
+        """Curves of folds, at which branches turn back in gamma."""
         return tuple(c for c in self.curves if c.kind == "fold")
 
     @property
@@ -178,7 +185,12 @@ class EventCurves:
 
 
 def strips(curves: Sequence[EventCurve], mus: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the intervals of mu in which the set and the order of the curves are constant."""
+    """Return the intervals of mu in which the set and the order of the curves are constant.
+
+    Args:
+        curves: curves over mu.
+        mus: smallest and largest mu.
+    """
     cuts = {mu for curve in curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
     near = _SAME * (mus[1] - mus[0])

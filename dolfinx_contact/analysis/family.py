@@ -63,7 +63,7 @@ class ContactFamily:
         friction_rate: derivatives of the friction coefficients with respect to mu, shape (m,).
         S_error: error bounds of S, shape (2 m, 2 m); None for an exact S.
         p_error: error bounds of the load, shape (2 m,).
-        q_error: increase of the error bounds with |gamma|, shape (2 m,).
+        q_error: increase of the error bounds of the load per unit of |gamma|, shape (2 m,).
         reach: largest slips for which small sliding is accurate, shape (m,); infinite on flat
             obstacles (`reduced.gathered.GatheredPoints`). None means infinite at all points.
         comm: communicator of the ranks holding the same family and sharing the work.
@@ -112,14 +112,15 @@ class ContactFamily:
 
     @cached_property
     def size(self) -> float:
-        """Mean diagonal entry of S, which converts displacements to forces in comparisons."""
+        """Mean diagonal entry of the stiffness, by which displacements are compared with forces."""
         return float(np.abs(np.diag(self.S)).mean())
 
     def problem(self, mu: float, gamma: float) -> ReducedProblem:
         """Return the reduced problem at (mu, gamma), with error bounds.
 
         Raises:
-            ValueError: if S is not proved to be positive definite within its error bounds.
+            ValueError: if the stiffness is not proved to be positive definite within its error
+                bounds.
         """
         parts = self.p, gamma * self.q, mu * self.v
         p_error = _ROUND_OFF * np.sum(np.abs(parts), axis=0)
@@ -130,24 +131,40 @@ class ContactFamily:
         return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
-        """Return the block of B(mu) for point ``i`` with a given status or border.
+        """Return the matrix that maps the unknowns of a point to its state (ut, un, rt, rn).
 
-        It maps the unknowns of the point to its state (ut, un, rt, rn); shape (4, unknowns).
+        The unknowns are the components left free by the status. Shape (4, unknowns).
+
+        Args:
+            i: index of the point.
+            code: status of the point, or border between two statuses.
+            mu: second parameter.
         """
         F = self.friction[i] + mu * self.friction_rate[i]
         constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return B(mu), mapping the unknowns of a piece or border to w, shape (m, 4, unknowns)."""
+        """Return the matrices that map all unknowns to the states of the points.
+
+        The unknowns are the components left free by the statuses. Shape (m, 4, unknowns).
+
+        Args:
+            codes: statuses of the points, with at most one border, shape (m,).
+            mu: second parameter.
+        """
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
-        """Return the inequalities (C_0 + mu C_1) w >= 0 of a status at point i.
+        """Return the inequalities (C_0 + mu C_1) w >= 0 of a status at a point.
 
-        Each one is a tuple of C_0, C_1, and the status that the point takes instead if the
-        inequality is violated.
+        w = (ut, un, rt, rn) is the state of the point. Each inequality is a tuple of C_0, C_1, and
+        the status that the point takes instead if the inequality is violated.
+
+        Args:
+            i: index of the point.
+            code: status of the point, or border between two statuses.
         """
         if self.frictionless[i]:
             return WITHOUT_FRICTION[code]
@@ -156,7 +173,14 @@ class ContactFamily:
         return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
-        """Return M B_0 and M B_1, where B(mu) = B_0 + mu B_1, shape (2 m, unknowns) each."""
+        """Return the matrices E_0 and E_1 of the equilibrium equations for given statuses.
+
+        (E_0 + mu E_1) z is S a - r for the stiffness S, displacements a and forces r as functions
+        of the unknowns z left free by the statuses. Shape (2 m, unknowns) each.
+
+        Args:
+            codes: statuses of the points, with at most one border, shape (m,).
+        """
         at_0, at_1 = (
             self.S @ B[:, :2].reshape(len(self.S), -1) - B[:, 2:].reshape(len(self.S), -1)
             for B in (self.bases(codes, 0.0), self.bases(codes, 1.0))
@@ -164,17 +188,23 @@ class ContactFamily:
         return at_0, at_1 - at_0
 
     def state(self, codes: Codes, z: Array, mu: float) -> Array:
-        """Return the state w for the unknowns z of a piece or border, shape (m, 4)."""
+        """Return the states (ut, un, rt, rn) of all points, shape (m, 4).
+
+        Args:
+            codes: statuses of the points, with at most one border, shape (m,).
+            z: unknowns left free by the statuses.
+            mu: second parameter.
+        """
         return np.asarray(self.bases(codes, mu) @ z)
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
-        """Return the codes of all statuses and borders whose cones contain the state of a point.
+        """Return the codes of all statuses and borders whose conditions a point satisfies.
 
         Args:
             i: index of the point.
             w: state (ut, un, rt, rn) of the point, shape (4,).
             mu: second parameter.
-            tolerance: distance from a cone that counts as zero, a force.
+            tolerance: largest violation of a condition that counts as zero, as a force.
         """
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
@@ -193,11 +223,14 @@ class ContactFamily:
 
 
 class Frame:
-    """Border of a family, on which the state and gamma are functions of mu.
+    """Border in a family of problems: statuses with one point between two statuses.
+
+    On the border, the state and the load parameter gamma are functions of the second parameter mu.
 
     Args:
         family: problem with two parameters.
-        codes: statuses of the points, with a border at exactly one of them, shape (m,).
+        codes: statuses of the points, shape (m,); the code of exactly one point is that of a
+            border.
     """
 
     def __init__(self, family: ContactFamily, codes: Codes):
@@ -211,7 +244,10 @@ class Frame:
         self._slacks = self._functions()
 
     def _functions(self) -> tuple[Array, Array]:
-        """Return s_0 and s_1 of shape (slacks, 2 m); the slacks are (s_0 + mu s_1) (z, gamma)."""
+        """Return the matrices s_0 and s_1 of the slacks of all inequalities at the border.
+
+        The slacks are (s_0 + mu s_1) y for the solution y of `solve`; shape (slacks, 2 m) each.
+        """
         f = self.family
         B_0 = f.bases(self.codes, 0.0)
         B_1 = f.bases(self.codes, 1.0) - B_0
@@ -226,7 +262,10 @@ class Frame:
         return both[:, 0], both[:, 1]
 
     def solve(self, mu: float) -> Array | None:
-        """Return (z, gamma) at mu, shape (2 m,); None if the matrix is singular."""
+        """Return the unknowns of the state on the border, followed by gamma, shape (2 m,).
+
+        None if the equations of the border are singular at mu.
+        """
         f = self.family
         try:
             y = np.asarray(np.linalg.solve(self._G + mu * self._E, f.p + mu * f.v), dtype=float)
@@ -235,17 +274,23 @@ class Frame:
         return y if np.isfinite(y).all() else None
 
     def gamma(self, mu: float) -> float:
-        """Return gamma at mu; NaN if the matrix is singular."""
+        """Return gamma at mu; NaN if the equations of the border are singular."""
         y = self.solve(mu)
         return float("nan") if y is None else float(y[-1])
 
     def state(self, mu: float) -> Array | None:
-        """Return w at mu, shape (m, 4); None if the matrix is singular."""
+        """Return the states (ut, un, rt, rn) of all points on the border, shape (m, 4).
+
+        None if the equations of the border are singular at mu.
+        """
         y = self.solve(mu)
         return None if y is None else self.family.state(self.codes, y[:-1], mu)
 
     def slacks(self, mu: float) -> Array:
-        """Return the slacks of all inequalities at mu; NaN if the matrix is singular."""
+        """Return the slacks of all inequalities at mu.
+
+        They are NaN if the equations of the border are singular.
+        """
         y = self.solve(mu)
         s_0, s_1 = self._slacks
         return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
@@ -260,7 +305,8 @@ class Frame:
     def ends(self, span: tuple[float, float], gammas: tuple[float, float]) -> Array:
         """Return all mu in an interval at which the border may end, in increasing order.
 
-        At these mu a slack vanishes, gamma reaches an end of its range, or the matrix is singular.
+        At these mu the slack of an inequality vanishes, gamma reaches an end of its range, or the
+        equations of the border are singular.
 
         Args:
             span: interval of mu.
@@ -284,9 +330,9 @@ class Frame:
         return np.array(sorted(inside), dtype=float)
 
     def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
-        """Improve a root mu of (s_0 + mu s_1) (z, gamma) = target by Newton's method.
+        """Improve a root mu of (s_0 + mu s_1) y = target by Newton's method.
 
-        If Newton's method fails, the root is returned unchanged.
+        y is the solution of `solve` at mu. The value with the smallest error is returned.
         """
         f = self.family
         best = mu
@@ -316,15 +362,25 @@ class Frame:
         return codes
 
     def turns(self, which: int, span: tuple[float, float]) -> Array:
-        """Return all mu in an interval at which the piece on one side is singular, in order."""
+        """Return all mu at which the equations on one side of the border are singular, in order.
+
+        Args:
+            which: side of the border, 0 or 1.
+            span: interval of mu.
+        """
         A, E = self.family.columns(self.piece(which))
         pencil = _Pencil.within(A, E, span)
         return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
 
     def sense(self, which: int, mu: float) -> float:
-        """Return the sign of dgamma for solutions entering the piece on one side of the border.
+        """Return the direction of gamma along the solutions that enter one side of the border.
 
-        It is 0 if the piece is singular.
+        It is 1 if gamma increases, -1 if it decreases, and 0 if the equations for the statuses on
+        this side are singular.
+
+        Args:
+            which: side of the border, 0 or 1.
+            mu: second parameter.
         """
         f = self.family
         codes = self.piece(which)
@@ -345,7 +401,7 @@ class Frame:
         return float(np.sign((C_0 + mu * C_1) @ dw))
 
     def kind(self, mu: float) -> str:
-        """Return ``"fold"`` if gamma turns back at the border, otherwise ``"event"``."""
+        """Return ``"fold"`` if branches turn back in gamma at the border, otherwise ``"event"``."""
         return "fold" if self.sense(0, mu) == self.sense(1, mu) else "event"
 
 
@@ -354,8 +410,8 @@ class _Pencil:
 
     Args:
         E: derivative of the matrix with respect to mu.
-        inverse: inverse of the matrix at the centre.
-        center: mu at which the matrix is regular.
+        inverse: inverse of the matrix at ``center``.
+        center: value of mu at which the matrix is regular.
     """
 
     def __init__(self, E: Array, inverse: Array, center: float):
@@ -367,7 +423,10 @@ class _Pencil:
 
     @classmethod
     def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
-        """Return the pencil with a centre in an interval; None if no tried centre is regular."""
+        """Return the pencil G + mu E with a centre in an interval at which it is regular.
+
+        None if the matrix is singular at all trial values.
+        """
         for part in _PARTS:
             center = span[0] + part * (span[1] - span[0])
             A = G + center * E
@@ -383,7 +442,10 @@ class _Pencil:
         return None
 
     def _shifts(self, X: Array, span: tuple[float, float]) -> list[float]:
-        """Return all mu in the interval for which 1 / (mu - center) is an eigenvalue of X."""
+        """Return the values of mu in an interval that belong to the eigenvalues of ``X``.
+
+        An eigenvalue is 1 / (mu - center).
+        """
         values = np.linalg.eigvals(X)
         near = np.abs(values) * (span[1] - span[0]) >= 1
         real = values[near & (np.abs(values.imag) <= _REAL * np.abs(values))].real
@@ -391,13 +453,17 @@ class _Pencil:
         return [mu for mu in found if span[0] < mu < span[1]]
 
     def singular(self, span: tuple[float, float]) -> list[float]:
-        """Return all mu in an interval at which the matrix is singular."""
+        """Return all mu in an interval at which the matrix of the pencil is singular."""
         return self._shifts(-self._by[np.ix_(self.columns, self.columns)], span)
 
     def roots(
         self, p: Array, v: Array, s: Array, slope: Array, target: float, span: tuple[float, float]
     ) -> list[float]:
-        """Return all mu in ``span`` with (s + mu slope) y = target, (G + mu E) y = p + mu v."""
+        """Return all mu in an interval at which a linear function of y has a given value.
+
+        y is the solution of (G + mu E) y = p + mu v with the matrix of the pencil. The function is
+        (s + mu slope) y, its value ``target``.
+        """
         y = self.inverse @ (p + self.center * v)
         row = s + self.center * slope
         value = float(row @ y - target)

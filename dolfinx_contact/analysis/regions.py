@@ -51,8 +51,8 @@ def solution_regions(
     Args:
         family: problem with two parameters, the same on all ranks of its communicator.
         curves: all curves of folds and events, found with the same ranges.
-        mu_range: smallest and largest mu.
-        gamma_range: smallest and largest gamma.
+        mu_range: smallest and largest value of the second parameter mu.
+        gamma_range: smallest and largest value of the load parameter gamma.
         proof_seconds: time limit of the proof in each cell, in seconds. Default 20.
 
     Raises:
@@ -81,7 +81,7 @@ def solution_regions(
 
 
 def _are_explained(cells: Sequence[ChartCell]) -> bool:
-    """Return whether the solutions change across curves as required, and nowhere else."""
+    """Return whether the solutions of neighbouring cells differ only as curves require."""
     stacked = [(a, b) for a, b in pairwise(cells) if a.mu == b.mu]
     neighbours = [(a, b) for a, b in combinations(cells, 2) if a.mu[1] == b.mu[0] and _touch(a, b)]
     return all(_differ_as_required(a, b) for a, b in stacked) and all(
@@ -90,7 +90,7 @@ def _are_explained(cells: Sequence[ChartCell]) -> bool:
 
 
 def _touch(left: ChartCell, right: ChartCell) -> bool:
-    """Return whether two cells in neighbouring strips have a part of an edge in common."""
+    """Return whether two cells in neighbouring strips share a part of an edge."""
     low, high = left.ends(left.mu[1])
     least, most = right.ends(right.mu[0])
     return min(high, most) - max(low, least) > _SIDE * (left.gamma[1] - left.gamma[0])

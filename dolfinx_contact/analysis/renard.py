@@ -98,7 +98,8 @@ class Renard:
         factor: factor on the friction coefficients below which a solution with these directions of
             slip and shear is unique; infinite without friction, or if no point slips or is in
             contact.
-        friction: corresponding coefficient F_R; None if the coefficient varies between points.
+        friction: `factor` times the friction coefficient, that is, the coefficient below which the
+            solution is unique; None if the friction coefficient varies between points.
         definite: whether the stiffness is symmetric and positive definite, a condition of the
             criterion.
         doubt: description of slips too large for the criterion, which requires small sliding; empty
@@ -183,13 +184,13 @@ def criterion_at(
     enough: float = np.inf,
     seconds: float = np.inf,
 ) -> Renard:
-    """Evaluate Renard's criterion at a state of an admissible problem. Collective.
+    """Evaluate Renard's criterion at a state of a problem to which it applies. Collective.
 
     Args:
         eq: contact problem.
         evaluation: evaluation of the state.
-        directions: function that maps positions to xi, as for `renard_criterion`; default: the
-            directions of slip and shear at the state.
+        directions: function that maps positions to tangential vectors, as for `renard_criterion`;
+            default: the directions of slip and shear at the state.
         dense: whether to use dense matrices. Default: for up to 1200 components of jumps.
         effort: largest number of iterations in each search for weights (`WeightedForm.largest`),
             which requires dense matrices; 0 for no search.
@@ -221,7 +222,10 @@ def criterion_at(
 
 
 def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
-    """Return the friction coefficients at the points of this rank; 0 for a prescribed bound."""
+    """Return the friction coefficients at the points of this rank.
+
+    They are 0 at points with a prescribed friction bound.
+    """
     slopes = []
     for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
@@ -232,9 +236,9 @@ def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
 
 
 def _of_solution(eq: ContactEquations, evaluation: Evaluation, slope: Array) -> Array:
-    """Return the directions xi of a solution at the n points of this rank, shape (n, dim).
+    """Return the directions of slip or shear of a solution, shape (n, dim). Collective.
 
-    Collective.
+    They are the vectors xi of the module at the n points of this rank.
     """
     n = point_normals(eq)
     _, ut = split(n, np.concatenate([s.jump for s in evaluation.surfaces]))
@@ -249,9 +253,9 @@ def _of_solution(eq: ContactEquations, evaluation: Evaluation, slope: Array) -> 
 
 
 def _given(eq: ContactEquations, directions: Field) -> Array:
-    """Return the tangential parts of the user's directions on this rank, shape (n, dim).
+    """Return the tangential parts of prescribed directions, shape (n, dim). Collective.
 
-    Collective.
+    They are evaluated at the n points of this rank.
     """
     x = np.concatenate([s.positions for s in eq.surfaces])
     n = point_normals(eq)
@@ -264,11 +268,15 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
 
 
 class _Form:
-    """Matrices A (flexibility) and X of the module, for the free components of the jumps.
+    """Matrices of Renard's criterion for the free components of the jumps.
+
+    They are the flexibility A and the matrix X of the module, here with X multiplied by the
+    friction coefficients F.
 
     Args:
         eq: contact problem.
-        friction: F xi at the points of this rank, shape (n, dim).
+        friction: friction coefficients times directions, F xi, at the n points of this rank, shape
+            (n, dim).
 
     Attributes:
         number: number of free components on all ranks.
@@ -333,7 +341,11 @@ class _Form:
         return on_gathered(self.comm, solved, A, mine, self._groups)
 
     def by_slepc(self) -> float:
-        """Compute `Renard.factor` using products with A and with its inverse, the stiffness."""
+        """Compute `Renard.factor` using SLEPc.
+
+        SLEPc needs only products with the flexibility of the contact points and with its inverse,
+        the stiffness.
+        """
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
         held = ConstrainedBody(
@@ -341,7 +353,11 @@ class _Form:
         )
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
-            """Multiply by -(X + S X^T A)/2, which has the eigenvalues 1/F_R."""
+            """Write the product of x and a matrix to y; its largest eigenvalue is 1/F_R.
+
+            The matrix is -(X + S X^T A)/2 with the stiffness S, the flexibility A and the matrix X
+            of `_Form`; F_R is a factor on the friction coefficients.
+            """
             u, a = R.createVecs()
             R.multTranspose(x, u)
             u.array[:] = self._free.solve(u.array_r)[0]
@@ -373,7 +389,7 @@ class _Form:
 
 
 def _over(largest: float) -> float:
-    """Return 1/largest, the friction factor; infinite if the eigenvalue is not positive."""
+    """Return the friction factor 1/largest; infinite if the eigenvalue is not positive."""
     return 1.0 / largest if largest > 0 else np.inf
 
 
@@ -387,8 +403,9 @@ class WeightedForm:
     Attributes:
         S: stiffness of the n free components of the jumps, symmetric positive definite, shape
             (n, n).
-        G: matrix of friction: the row of a tangential component is F xi times the row of S of the
-            normal force at the same point; other rows are 0; shape (n, n).
+        G: matrix of friction: the row of a tangential component is the friction coefficient times
+            the component of the direction of slip or shear, times the row of S of the normal force
+            at the same point; other rows are 0; shape (n, n).
         groups: index of the weight of each component, shape (n,); all tangents of a point have
             the same weight.
     """
@@ -398,11 +415,12 @@ class WeightedForm:
     groups: Ints
 
     def interval(self, weights: Array, factor: float) -> tuple[float, float]:
-        """Return the interval around a friction factor in which the sum is positive definite.
+        """Return friction factors between which the weighted sum is positive definite.
 
         Args:
             weights: positive weights, shape (number of groups,).
-            factor: friction factor; if the sum is not definite there, the interval is empty.
+            factor: friction factor inside the interval; if the sum is not definite there, the
+                interval is empty.
         """
         w = weights[self.groups][:, None]
         form, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
@@ -440,10 +458,10 @@ class WeightedForm:
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
-        """Return logarithms of weights for which the sum is positive definite, or None.
+        """Return logarithms of weights for which the weighted sum is positive definite.
 
         Args:
-            logs: initial logarithms.
+            logs: initial logarithms of the weights.
             factor: friction factor.
             effort: largest number of iterations.
             end: value of `time.monotonic` at which the search ends.

@@ -56,7 +56,7 @@ class Problem(Protocol):
 
     @property
     def equations(self) -> ContactEquations:
-        """Equations of the problem."""
+        """Equations H(x) = 0 of the problem, with body, contact surfaces and Dirichlet data."""
 
     def evaluate(self) -> Evaluation:
         """Evaluate the equations at the state in the Functions. Collective."""
@@ -139,6 +139,8 @@ def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
     """Return unit axes that span the ranges of projectors, restricted to free components.
 
+    Free components are those without Dirichlet data.
+
     Args:
         eq: contact problem.
         projectors: orthogonal projectors at the points of this rank, shape (n, dim, dim).
@@ -191,7 +193,7 @@ def matrix_of_product(
     Args:
         comm: communicator.
         size: number of local rows.
-        product: function of x and y that writes A x to y.
+        product: function of vectors x and y that writes the product of the matrix and x to y.
     """
     context = SimpleNamespace(mult=lambda _A, x, y: product(x, y))
     A = PETSc.Mat().createPython(((size, None), (size, None)), context, comm=comm)
@@ -200,7 +202,9 @@ def matrix_of_product(
 
 
 def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
-    """Solve an eigenproblem by SLEPc, using options with the prefix ``analysis_``. Collective.
+    """Solve an eigenproblem using SLEPc. Collective.
+
+    The options have the prefix ``analysis_``.
 
     Args:
         solver: EPS or PEP object with its operators.
@@ -213,7 +217,10 @@ def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise `ValueError` unless contact is at nodes, with small sliding and a local law."""
+    """Raise `ValueError` unless contact is at nodes, with small sliding and a local law.
+
+    Adhesion and rigid bodies with unknowns are not supported, either.
+    """
     for s in eq.surfaces:
         for fits, need in (
             (s.rigid_body is None, "rigid bodies with unknowns are not supported"),

@@ -77,7 +77,7 @@ class Shakedown:
         complete: whether all sets of open points were tried; otherwise a larger factor may exist.
         theorem_holds: whether a theorem guarantees that the body comes to rest from every initial
             state, for load factors within `ranges`.
-        why: reason for `theorem_holds`.
+        why: explanation of `theorem_holds`.
         slip: constant slips of the m points in the state at rest with `factor`, ordered by
             coordinates; 0 at open points and at points without friction; shape (m, dim - 1).
         forces: forces in this state at the K corners of the cycle, tangential and normal, shape
@@ -180,7 +180,7 @@ def shakedown(
         factor: load factor of the stepped cycles; by default 0.95 of the bound, within the last of
             `Shakedown.ranges`, or 1 if the bound is infinite or no state at rest exists.
         cycles: largest number of cycles from each initial state. Default 50.
-        steps: number of steps between two corners. Default 4.
+        steps: number of steps between two corners of the cycle. Default 4.
         starts: number of initial states in addition to the state without slip. They are states at
             rest under the first load with large slips in random directions, reproducible between
             calls. Default 4.
@@ -219,7 +219,7 @@ def shakedown(
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """Return the contact points under the first load.
+    """Return the reduced problem under the first load.
 
     Raises:
         ValueError: if the stiffness or the friction differs between loads.
@@ -249,7 +249,7 @@ def shakedown_of(
 
     Args:
         points: m contact points with their stiffness and laws.
-        loads: loads of the K corners, shape (K, dim m).
+        loads: loads at the K corners of the load cycle, shape (K, dim m).
         steady: steady load, shape (dim m,); default: the first corner.
         factor: see `shakedown`.
         cycles: see `shakedown`.
@@ -293,7 +293,10 @@ def shakedown_of(
 
 
 def _factor_of(ranges: Ranges) -> float:
-    """Return the default load factor of the cycles, just below the end of the last range."""
+    """Return the default load factor of the stepped cycles.
+
+    It lies within the last of the ranges that contain states at rest, close to its upper end.
+    """
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -343,7 +346,14 @@ def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Mask) -> tuple[str, ...]:
-    """Describe the points about to open, close or slip, and at which corners of the cycle."""
+    """Return texts naming the points about to open, close or slip, and the corner of the cycle.
+
+    Args:
+        points: contact points with their laws.
+        forces: forces at the K corners of the load cycle, shape (K, m, dim).
+        a: displacements at these corners, shape (K, m, dim).
+        opened: mask of the open points, shape (m,).
+    """
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
     rubs = (points.friction > 0) | (points.bound > 0)

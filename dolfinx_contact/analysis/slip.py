@@ -57,7 +57,7 @@ class SlipPattern:
     """Contact points of this rank, concatenated over all surfaces.
 
     Attributes:
-        closed: points in contact, shape (n,).
+        closed: mask of the points in contact, shape (n,).
         directions: unit slip directions, 0 at sticking points, shape (n, dim).
         loose: mask of the closed points whose shear does not depend on the pressure, because they
             have no friction or slip under a prescribed bound, shape (n,).
@@ -76,7 +76,7 @@ class SlipPattern:
         *,
         by_law: bool = False,
     ) -> SlipPattern:
-        """Return the slip pattern of a state, or for slip of all points along one direction.
+        """Return the slip pattern of a solution, or of slip of all points in one direction.
 
         Collective.
 
@@ -135,7 +135,10 @@ class SlipPattern:
 
 
 def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
-    """Return masks of points without friction and of points with a prescribed bound, shape (n,)."""
+    """Return masks of points without friction and of points with a prescribed bound.
+
+    The bound is that of Tresca friction. Each mask has the shape (n,).
+    """
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
     smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
@@ -147,7 +150,7 @@ def _unknown(direction: Any) -> str:
 
 
 class Slip:
-    """Matrices N, D and H of a slip pattern. Collective.
+    """Matrices that map displacements to the jump components of a slip pattern. Collective.
 
     Args:
         eq: contact problem with contact at nodes.
@@ -157,11 +160,12 @@ class Slip:
     Attributes:
         number: number of slipping points on all ranks.
         places: indices of the slipping points of this rank among its contact points.
-        N, D, H: matrices of the module, without columns of Dirichlet data.
+        N, D, H: matrices of the normal jumps and of the slips at slipping points, and of the held
+            components; their columns of Dirichlet data are zero.
 
     Raises:
-        ValueError: on every rank, for integral contact, if several surfaces hold the same node, or
-            if no point can slip.
+        ValueError: on every rank, with ``method="integral"``, if several surfaces hold the same
+            node, or if no point can slip.
     """
 
     def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Critical friction coefficients and their slips, from the eigenvalues of T f = f/F.
+"""Critical friction coefficients F and their slips, from an eigenproblem.
 
-Slips of one sign are found also for multiple eigenvalues. Components of slips below the accuracy of
-their eigenvectors are set to zero.
+The eigenproblem is T f = f/F, where T maps shears f at the slipping points to pressures
+(`critical_friction`). Slips of one sign are also found for multiple eigenvalues. Components of
+slips below the accuracy of their eigenvectors are set to zero.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class SlipModes:
         slips: slips, scaled such that the largest entry of each column is 1, shape (m, k).
         shears: shears that cause these slips, shape (m, k).
         known_up_to: magnitude below which no F is missing.
-        residuals: residual norms |T f - f/F| / |f|, relative to the largest 1/|F|, shape (k,).
+        residuals: residual norms |T f - f/F| / |f| of the shears f, relative to the largest 1/|F|,
+            shape (k,). T maps shears to pressures.
     """
 
     friction: Complex
@@ -59,15 +61,16 @@ class SlipModes:
         softness: Array,
         known_up_to: float = np.inf,
     ) -> SlipModes:
-        """Sort the eigenvalues of T and find slips of one sign.
+        """Sort critical coefficients F, given by an eigenproblem, and find slips of one sign.
+
+        The eigenproblem is T f = f/F, where T maps shears f to pressures.
 
         Args:
             values: eigenvalues 1/F, shape (k,).
             shears: eigenvectors f in columns, shape (m, k).
             slips: slips caused by these shears, shape (m, k).
             pressures: products T f, shape (m, k).
-            softness: slip of each point under a unit force while all other points are held, shape
-                (m,).
+            softness: estimated slip of each point under a unit force, shape (m,).
             known_up_to: magnitude below which no F is missing; infinite by default.
         """
         off = np.linalg.norm(pressures - values * shears, axis=0)
@@ -95,19 +98,19 @@ class SlipModes:
 
     @classmethod
     def of_matrix(cls, flexibility: Array, T: Array, softness: Array) -> SlipModes:
-        """Compute all coefficients from the responses to unit shears.
+        """Compute all critical coefficients from the responses to unit shears.
 
         Args:
             flexibility: slips caused by a unit shear at each point, as columns, shape (m, m).
             T: pressures caused by these shears, as columns, shape (m, m).
-            softness: see `of`.
+            softness: estimated slip of each point under a unit force, shape (m,).
         """
         values, shears = np.linalg.eig(T)
         return cls.of(values, shears, flexibility @ shears, T @ shears, softness)
 
     @property
     def smallest(self) -> float:
-        """Magnitude of the smallest F with a slip of one sign; infinite if none exists."""
+        """Smallest magnitude of a coefficient with a slip of one sign; infinite if none exists."""
         return float(np.abs(self.friction[self.one_signed]).min(initial=np.inf))
 
     @property
@@ -117,10 +120,16 @@ class SlipModes:
 
 
 def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
-    """Return relative error bounds of the eigenvectors, shape (k,).
+    """Return relative error bounds of the eigenvectors of T f = f/F, shape (k,).
 
-    The bound is the residual divided by the distance to the nearest other eigenvalue of T, listed
-    or not (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
+    The bound is the residual divided by the distance to the nearest other eigenvalue 1/F, listed or
+    not (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
+
+    Args:
+        F: critical coefficients, shape (k,).
+        residuals: relative residuals of the eigenvectors, shape (k,).
+        same: relative difference below which coefficients count as equal.
+        known_up_to: magnitude below which no F is missing.
     """
     values = 1.0 / F
     apart = np.abs(values[:, None] - values)
@@ -139,8 +148,8 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 
     Args:
         F: coefficients, shape (k,).
-        slips: slips relative to the softness of the points, as columns, shape (m, k); changed in
-            place.
+        slips: slips divided by the slip of each point under a unit force, as columns, shape (m, k);
+            changed in place.
         shears: shears as columns, shape (m, k); changed in place.
         same: relative difference below which coefficients count as equal.
         none: slip that counts as zero, relative to the largest slip of the column, shape (k,).
@@ -164,13 +173,15 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 
 
 def _nonnegative(vectors: Array, none: float) -> Array:
-    """Return the weights (k,) of a combination of the vectors with nonnegative components, or 0.
+    """Return weights of a combination of vectors without negative components, shape (k,).
 
-    Of all combinations with components up to 1, it has the largest sum of components.
+    Of all combinations with components up to 1, it has the largest sum of components. All weights
+    are 0 if there is no combination without negative components.
 
     Args:
         vectors: orthonormal vectors as columns, shape (m, k).
-        none: size of a negative component that counts as zero, relative to the largest component.
+        none: magnitude of a negative component that counts as zero, relative to the largest
+            component.
     """
     m, k = vectors.shape
     found = linprog(

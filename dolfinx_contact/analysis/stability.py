@@ -104,13 +104,13 @@ class Stability:
     Attributes:
         label: "stable", "unstable" (a motion grows with the given mass and damping) or "not
             decided".
-        growth: growth rate, the real part of lambda, of the fastest growing motion; 0 if no growing
-            motion was found.
+        growth: growth rate of the fastest growing motion e^{lambda t}, the real part of lambda; 0
+            if no growing motion was found.
         border: number of points at a border.
         pieces: number of eigenproblems that were solved for the points at a border.
         reason: explanation of the label.
-        frequency: angular frequency, the imaginary part of the same lambda; 0 for growth without
-            oscillation.
+        frequency: angular frequency of this motion, the imaginary part of lambda; 0 for growth
+            without oscillation.
     """
 
     label: Label
@@ -141,8 +141,9 @@ def stability_at_rest(
         problem: solved contact problem, nodal or mixed, with Coulomb friction or without friction;
             slipping points are at the friction bound.
         density: positive mass density: a number, Constant, Function or UFL expression. It affects
-            the label only if K is not symmetric (follower loads).
-        damping: damping time eta of C = eta K, or a UFL form C(trial, test). Default 0.
+            the label only if the stiffness is not symmetric (follower loads).
+        damping: damping time, by which the stiffness is multiplied to obtain the damping, or a UFL
+            form of the damping with a trial and a test function. Default 0.
         max_count: largest number of eigenproblems; if more are needed, the label is "unstable" or
             "not decided". Default 1024.
 
@@ -188,7 +189,7 @@ class _Points:
         directions: slip directions d: opposite to the shear at points at the bound, along the
             tangent at grazing points in 2D, otherwise 0; shape (n, dim).
         friction: friction coefficients, shape (n,).
-        border: number of points at a border on all ranks.
+        border: number of points at a border between two statuses, on all ranks.
         rounds: whether the problem is 3D and a point with friction is grazing.
     """
 
@@ -232,8 +233,9 @@ class _Gathered(DenseBody):
         N: rows of the normal jumps of all points, shape (m, unknowns); 0 if held by Dirichlet data.
         T: rows of the free tangents, shape (k, unknowns).
         owner: index of the point of each free tangent, shape (k,).
-        along: component d.t of the slip direction along each free tangent t, shape (k,).
-        D: rows of the slips along d, restricted to free tangents, shape (m, unknowns).
+        along: component d.t of the slip direction d of the point along each free tangent t, shape
+            (k,).
+        D: rows of the slips in the direction d, restricted to free tangents, shape (m, unknowns).
         choices, friction: attributes of `_Points`, for the points of all ranks.
         held: mask of the points whose normal motion is held by Dirichlet data, shape (m,).
     """
@@ -282,12 +284,14 @@ def _is_dissipative(body: Body) -> bool:
 
 
 def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float]) -> tuple[int, int]:
-    """Count the negative and the zero eigenvalues of k K + c C + m M. Collective.
+    """Count the negative and the zero eigenvalues of a sum of stiffness, damping and mass.
+
+    Collective.
 
     Args:
         body: stiffness, mass and damping.
         rows: rows of the held motions.
-        parts: factors k, c and m.
+        parts: factors of stiffness, damping and mass in the sum.
     """
     eq = body.eq
     k, c, m = parts
@@ -320,7 +324,7 @@ def _by_inertia(body: Body, points: _Points) -> Stability:
     ]
 
     def grow(growth: float) -> bool:
-        """Return whether a motion grows faster than ``growth``."""
+        """Return whether a motion has a growth rate larger than ``growth``."""
         parts = (1.0 + growth * body.eta, growth, growth**2)
         return _signs(body, rows, parts)[0] > 0
 
@@ -402,12 +406,14 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Decide stability from the pieces, starting with slip at all points at a border.
+    """Decide stability by examining pieces, the choices of statuses of points at a border.
+
+    The first piece has slip at all points with friction that are at a border.
 
     Args:
         g: matrices and contact points.
         max_count: largest number of pieces.
-        quiet: whether neither K nor C supplies energy.
+        quiet: whether neither the stiffness nor the damping supplies energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     options = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
@@ -434,7 +440,9 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
 
 
 def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
-    """Return K, M and C projected onto the motions of a piece, and a basis Z of these motions.
+    """Return stiffness, mass and damping on the motions of a piece, and these motions.
+
+    A piece is a choice of a status for every point. The motions are the columns of a matrix.
 
     Args:
         g: matrices and contact points.
@@ -456,11 +464,18 @@ def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
 
 
 def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
-    """Search a piece for positive eigenvalues lambda with eigenvectors in its cones.
+    """Search for growing motions of a piece that lie in the cones of its statuses.
+
+    A piece is a choice of a status for every point.
+
+    Args:
+        g: matrices and contact points.
+        doing: status of each point, shape (m,).
+        quiet: whether neither the stiffness nor the damping supplies energy.
 
     Returns:
-        Largest such lambda, 0 if none was found; and the reason why other motions may grow, "" if
-        there is none.
+        Largest growth rate of such a motion, 0 if none was found; and the reason why other motions
+        may grow, "" if there is none.
     """
     K, M, C, Z = _piece(g, doing)
     n = len(K)
@@ -494,7 +509,16 @@ def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
 
 
 def _leaves(g: _Gathered, doing: Ints, v: Array, growth: float) -> bool:
-    """Return whether v or -v, with its forces, lies in the cones of the points at a border."""
+    """Return whether a motion and its forces lie in the cones of the points at a border.
+
+    The opposite motion is also examined.
+
+    Args:
+        g: matrices and contact points.
+        doing: status of each point, shape (m,).
+        v: motion.
+        growth: growth rate of the motion.
+    """
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]

@@ -9,7 +9,7 @@ displacements and forces are affine in x = (w, f), and
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
 is a linear program in the plane, for each set of open points. By convexity the inequalities also
-hold between corners. The factors of one set form an interval, which need not begin at 0: points
+hold between the corners. The factors of one set form an interval, which need not begin at 0: points
 opened by the steady load may be closed at large factors.
 
 In space the friction discs are second-order cones. Tangents of the discs bound f from above; a
@@ -62,14 +62,15 @@ class StaticState:
     """State at rest for one set of open points at the largest load factor.
 
     Attributes:
-        least: smallest factor with a state at rest; infinite if none exists.
-        lower: largest factor found with a state at rest; infinite if all factors above `least` have
-            one, -inf if no factor has one.
+        least: smallest load factor with a state at rest; infinite if none exists.
+        lower: largest load factor found with a state at rest; infinite if all factors above `least`
+            have one, -inf if no factor has one.
         upper: upper bound of these factors; equal to `lower` in the plane, up to round-off.
-        slip: slips w of all points, shape (m, dim - 1); 0 at open points and at points without
-            friction.
-        displacements: displacements at the K corners with the factor `lower`, shape (K, m, dim).
-        forces: forces at the K corners with the factor `lower`, shape (K, m, dim).
+        slip: constant slips of all points, shape (m, dim - 1); 0 at open points and at points
+            without friction.
+        displacements: displacements at the K corners of the load cycle with the factor `lower`,
+            shape (K, m, dim).
+        forces: forces at these corners with the factor `lower`, shape (K, m, dim).
         opened: mask of the open points, shape (m,).
     """
 
@@ -88,15 +89,16 @@ class _Program:
     Args:
         points: contact points with their stiffness and laws.
         steady: steady load, shape (dim m,).
-        departures: departures p_k - p_s of the corners, shape (K, dim m).
+        departures: departures p_k - p_s of the K corners of the load cycle, shape (K, dim m).
         opened: mask of the open points, shape (m,).
 
     Attributes:
-        a, r: derivatives of displacements and forces at the K corners with respect to x, shape
-            (K, m, dim, n + 1).
+        a, r: derivatives of displacements and forces at the K corners of the cycle with respect to
+            x, the vector of the n slips and the load factor, shape (K, m, dim, n + 1).
         a0, r0: displacements and forces at x = 0, shape (m, dim).
-        n: number of slips; x[n] is the factor.
-        around: directions e of the initial inequalities e.rt <= F rn + g, which are exact in the
+        n: number of slips.
+        around: directions in which the shear is initially bounded by F rn + g, with the normal
+            force rn, the friction coefficient F and the prescribed bound g; they are exact in the
             plane and tangents of the discs in space.
     """
 
@@ -132,7 +134,7 @@ class _Program:
         self.a0, self.r0 = (v[:, -1].reshape(m, dim) for v in (a, r))
 
     def solve(self) -> StaticState:
-        """Compute the smallest factor, and lower and upper bounds of the largest factor."""
+        """Compute the smallest load factor with a state at rest, and bounds of the largest one."""
         if self.points.dim == 2 or not self.grips.any():
             rows = self._first_rows()
             x, lower = _optimum(rows, self.n)
@@ -161,17 +163,20 @@ class _Program:
         return StaticState(least, lower, upper, slip[:, :-1], displacements, forces, self.opened)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """Return the forces at the K corners, shape (K, m, dim).
+        """Return the forces at the K corners of the load cycle, shape (K, m, dim).
 
-        If x is a ray of the program, these are the rates of the forces along the ray.
+        Args:
+            x: slips and load factor, shape (n + 1,).
+            ray: whether x is a direction in which the factor grows without bound. The result then
+                contains the derivatives of the forces in this direction.
         """
         return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
-        """Return the state at rest with the largest slips in a direction, at the first corner.
+        """Return the state at rest with the largest slips, at the first corner of the load cycle.
 
         Args:
-            toward: direction of the slips, shape (dim m,).
+            toward: direction in which the slips are largest, shape (dim m,).
             farthest: upper bound of each slip.
 
         Returns:
@@ -191,17 +196,21 @@ class _Program:
     # -- inequalities -----------------------------------------------------------------------------
 
     def _signs(self) -> Rows:
-        """Return the inequalities rn >= 0 at closed points and un >= 0 at open ones."""
+        """Return the inequalities for the signs of normal forces and gaps.
+
+        At all corners of the load cycle, normal forces are nonnegative at closed points, and gaps
+        are nonnegative at open points.
+        """
         opened, K = self.opened, len(self.a)
         normal = np.concatenate([self.r[:, ~opened, -1], self.a[:, opened, -1]], axis=1)
         least = np.concatenate([self.r0[~opened, -1], self.a0[opened, -1]])
         return -normal.reshape(-1, self.n + 1), np.tile(least, K)
 
     def _tangents(self, k: npt.NDArray[np.intp], i: npt.NDArray[np.intp], e: Array) -> Rows:
-        """Return inequalities e.rt <= F rn + g.
+        """Return inequalities that bound the shear in given directions by the friction bound.
 
         Args:
-            k: index of the corner for each inequality, shape (number,).
+            k: index of the corner of the load cycle for each inequality, shape (number,).
             i: index of the point, shape (number,).
             e: direction in which the shear is bounded, shape (number, dim - 1).
         """
@@ -211,7 +220,7 @@ class _Program:
         return rows, F * r0[:, -1] + g - np.sum(e * r0[:, :-1], axis=1)
 
     def _cells(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return all pairs of a corner and a point with friction, as two index arrays."""
+        """Return all pairs of a corner of the load cycle and a point with friction, as indices."""
         k, i = np.nonzero(np.broadcast_to(self.grips, self.a.shape[:2]))
         return k, i
 
@@ -221,15 +230,16 @@ class _Program:
         return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
-        """Bound the factor by tangents of the friction discs, which are added iteratively.
+        """Bound the load factor by tangents of the friction discs, which are added iteratively.
 
-        If the factor is unbounded, the rates of the forces along the ray must lie in discs F rn.
+        If the factor is unbounded, the rates of the forces must lie in discs whose radii are the
+        friction coefficients times the normal forces.
 
         Args:
             sense: 1 for an upper bound of the largest factor, -1 for a lower bound of the smallest.
 
         Returns:
-            Unknowns x, None if no state exists, and the bound.
+            Slips and load factor, None if no state exists, and the bound.
         """
         rows = self._first_rows()
         for _ in range(_ROUNDS):
@@ -251,8 +261,8 @@ class _Program:
     def _inside(self, extreme: list[Array]) -> tuple[Rows, Rows]:
         """Return inequalities and equations for forces in polygons inside the friction discs.
 
-        A shear is a combination of the corners of its polygon with weights that sum to at most
-        F rn + g. The weights are additional unknowns after x.
+        A shear is a combination of the corners of its polygon with weights whose sum is at most the
+        friction bound. The weights are additional unknowns after the slips and the load factor.
 
         Args:
             extreme: forces whose directions become additional corners of the polygons, shape
@@ -292,10 +302,11 @@ def _solved(cost: Array, rows: Rows, bounds: _Bounds, equal: Rows | None = None)
 def _optimum(
     rows: Rows, factor: int, equal: Rows | None = None, *, sense: int = 1
 ) -> tuple[Array | None, float]:
-    """Maximise (sense 1) or minimise (-1) the unknown with the index ``factor``.
+    """Solve a linear program: maximise (sense 1) or minimise (-1) one unknown.
 
-    The unknowns before ``factor`` are free; this and all following unknowns are nonnegative. The
-    factor is bounded by 1e6, because HiGHS may report an unbounded program as infeasible.
+    It is the unknown with the index ``factor``, a load factor. The unknowns before it are free; it
+    and all following unknowns are nonnegative. The load factor is bounded by 1e6, because HiGHS may
+    report an unbounded program as infeasible.
 
     Returns:
         Optimum and its value; a ray and inf if the factor is unbounded; None and -inf (maximum) or
@@ -343,7 +354,7 @@ def largest_factor(
     Args:
         points: contact points with their stiffness and laws; the load is not used.
         steady: steady load, shape (dim m,).
-        corners: loads of the corners, shape (K, dim m).
+        corners: loads at the K corners of the load cycle, shape (K, dim m).
         begin: open points of an initial state, shape (m,).
         end: value of `time.monotonic` at which the search ends.
 
@@ -402,7 +413,13 @@ def states_at_rest(
 
 
 def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
-    """Scale points and load to unit force and mean stiffness; also return the unit of length."""
+    """Divide the contact points and a load by units; also return the unit of length.
+
+    Args:
+        points: contact points with their stiffness and laws.
+        load: load, shape (dim m,).
+        force: unit of force. The unit of stiffness is the mean diagonal entry of the stiffness.
+    """
     unit = float(np.diag(points.S).mean())
     S, p, bound = (
         np.asarray(v, np.float64) for v in (points.S / unit, load / force, points.bound / force)
@@ -429,7 +446,7 @@ class _Search:
         return self._known[key]
 
     def _try(self, opened: Mask) -> bool:
-        """Compute the factor of a set of open points; return whether it is the largest so far."""
+        """Compute the load factor of a set of open points; return whether it is a new maximum."""
         state = self._of(opened)
         least = self.best.lower
         if not state.lower > least + _BETTER * abs(least if np.isfinite(least) else 0.0):
@@ -438,7 +455,10 @@ class _Search:
         return True
 
     def run(self, begin: Mask) -> None:
-        """Search until no change increases the factor, all sets are tried, or the time is over."""
+        """Search until no change of one point increases the factor.
+
+        With few points, all sets of open points are tried. The search also ends at the time limit.
+        """
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:
@@ -457,7 +477,10 @@ class _Search:
                 improved |= self._try(self.best.opened ^ (np.arange(m) == i))
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Return the intervals of factors of all sets that were tried, merged where they meet."""
+        """Return the intervals of load factors with a state at rest, for all sets that were tried.
+
+        Intervals that overlap or meet are merged.
+        """
         joined: list[tuple[float, float]] = []
         for a, b in sorted((s.least, s.lower) for s in self._known.values() if s.least <= s.lower):
             if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:

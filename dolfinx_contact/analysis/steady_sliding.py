@@ -4,8 +4,8 @@ r"""Stability of steady sliding: growing vibrations (squeal).
 A body with stiffness K, damping C and mass M slides steadily over a moving obstacle. Under
 perturbations u e^{lambda t}, closed points remain closed, and the shear remains F times the
 pressure, opposite to the slip and independent of the velocity. F is the friction coefficient. N and
-D are the rows of normal displacements and of slips along d at slipping points, r_n their normal
-forces. H are the rows of held motions (`slip`), with the forces q:
+D are the rows of normal displacements and of slips in the direction of sliding at slipping points,
+and r_n are their normal forces. H are the rows of held motions (`slip`), with the forces q:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
@@ -72,8 +72,8 @@ class SlidingModes:
     """Vibrations of a sliding body.
 
     Attributes:
-        eigenvalues: k values lambda with Im >= 0, sorted by decreasing real part (growth), shape
-            (k,).
+        eigenvalues: values lambda of vibrations e^{lambda t} with nonnegative imaginary part,
+            sorted by decreasing real part (growth), shape (k,).
         known_up_to: magnitude |lambda| (for the undamped body) up to which no eigenvalue is
             missing; infinite if all were computed.
         real, imaginary: displacements of the first vibration, a quarter of a period apart.
@@ -100,7 +100,7 @@ class Onset:
     """Smallest friction at which a vibration begins to grow.
 
     Attributes:
-        friction: coefficient F.
+        friction: friction coefficient.
         frequency: angular frequency of the vibration; 0 for growth without oscillation.
     """
 
@@ -176,10 +176,12 @@ class SteadySliding(ReadOnly):
         """Compute the vibrations. Collective.
 
         Args:
-            friction: coefficient F at all slipping points; by default the coefficient of the law.
+            friction: friction coefficient at all slipping points; by default the coefficient of the
+                law.
 
         Raises:
-            ValueError: on every rank, if F is negative, or the law has no coefficient.
+            ValueError: on every rank, if the coefficient is negative, or the law has no
+                coefficient.
             RuntimeError: if SLEPc does not converge.
         """
         values, motions, known_up_to = self._spectrum(friction, vectors=True)
@@ -226,11 +228,12 @@ class SteadySliding(ReadOnly):
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
         """Replace the last two entries by a maximum of the growth between the last three.
 
-        This is done only if the middle one of these is the largest and the maximum is positive.
+        This is done only if the middle one of the last three growths is the largest and the maximum
+        is positive.
 
         Args:
             frictions: friction coefficients.
-            growths: growth at each of them (`_growth`).
+            growths: growth at each friction coefficient (`_growth`).
         """
         if len(growths) < 3 or not growths[-3] < growths[-2] > growths[-1]:
             return
@@ -242,13 +245,19 @@ class SteadySliding(ReadOnly):
             growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
-        """Return the largest ratio of growth rate to |lambda|, minus the level of round-off."""
+        """Return the largest ratio of growth rate to |lambda|, less the level of round-off.
+
+        The eigenvalues lambda belong to the given friction coefficient.
+        """
         values, _, _ = self._spectrum(friction)
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
-        """Return the onset for a critical coefficient, with the frequency just beyond it."""
+        """Return the onset at a critical friction coefficient.
+
+        Its frequency is computed slightly above this coefficient.
+        """
         values, _, _ = self._spectrum(friction * (1.0 + 1e-11))
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
@@ -258,16 +267,17 @@ class SteadySliding(ReadOnly):
     def _spectrum(
         self, friction: float | None, *, vectors: bool = False
     ) -> tuple[Complex, Complex, float]:
-        """Return the eigenvalues with Im >= 0 by decreasing growth, and their displacements.
+        """Return eigenvalues by decreasing growth, and the displacements of the vibrations.
 
         Args:
-            friction: coefficient F at all slipping points; None for the coefficient of the law.
+            friction: friction coefficient at all slipping points; None for the coefficient of the
+                law.
             vectors: whether displacements are needed.
 
         Returns:
-            Eigenvalues lambda, shape (k,); owned displacements, shape (n, k), or (n, 0) if they are
-            not needed and all eigenvalues are computed; and the magnitude up to which no eigenvalue
-            is missing.
+            Eigenvalues lambda with nonnegative imaginary part, shape (k,); owned displacements,
+            shape (n, k), or (n, 0) if they are not needed and all eigenvalues are computed; and the
+            magnitude up to which no eigenvalue is missing.
         """
         slopes = self._slope
         if friction is None:
@@ -291,7 +301,17 @@ class SteadySliding(ReadOnly):
     def _by_matrices(
         self, body: DenseBody, friction: Array, *, vectors: bool
     ) -> tuple[Complex, Complex]:
-        """Compute all lambda using dense matrices, and displacements on this rank, shape (n, k)."""
+        """Compute all eigenvalues lambda using dense matrices.
+
+        Args:
+            body: dense matrices of the body.
+            friction: friction coefficients of the slipping points of this rank.
+            vectors: whether displacements are needed.
+
+        Returns:
+            Eigenvalues, shape (k,); and the displacements of the vibrations on this rank, shape
+            (n, k), or (n, 0) if they are not needed.
+        """
         eta = self._body.eta
 
         def solved(friction: Array) -> tuple[Complex, Complex]:
@@ -323,7 +343,7 @@ class SteadySliding(ReadOnly):
 
         Returns:
             Eigenvalues lambda, shape (k,); owned displacements, shape (n, k); and the largest
-            |lambda|.
+            magnitude |lambda|, without damping if it is proportional to the stiffness.
         """
         SLEPc = optional("slepc4py.SLEPc", "solver")
         slip = self._slip

@@ -57,7 +57,7 @@ def contact_family(
     """Condense a problem with gamma and a second parameter onto its contact points. Collective.
 
     Args:
-        system: problem with gamma.
+        system: problem with the load parameter gamma.
         other: second parameter mu, a scalar Constant.
         mu_range: smallest and largest mu, at which the friction coefficients must not be negative.
 
@@ -86,7 +86,7 @@ def contact_family(
 
 
 def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
-    """Return the error bounds of S, of p and of the derivative of p."""
+    """Return error bounds of the stiffness, the load, and the derivative of the load in gamma."""
     assert problem.S_error is not None
     assert problem.p_error is not None
     assert problem.rate_error is not None
@@ -149,7 +149,7 @@ def event_curves(
     """Compute the curves of folds and events of branches in a second parameter. Collective.
 
     Args:
-        system: problem with gamma.
+        system: problem with the load parameter gamma.
         other: second parameter mu, a scalar Constant.
         branches: pairs (mu, branch), where the branch was followed with this mu.
         mu_range: smallest and largest mu.
@@ -183,9 +183,10 @@ def event_curves(
 
 
 def _borders(points: GatheredPoints, branch: Branch, *, folds_only: bool) -> list[Codes]:
-    """Return the statuses at each event of a branch that concerns one contact point. Collective.
+    """Return the statuses at the events of a branch where one contact point changes.
 
-    This point is at a border; an event at which several points change is omitted.
+    Collective. The code of this point denotes the border between its two statuses. Events at which
+    several points change are omitted.
     """
     found = []
     for special in branch.folds if folds_only else branch.special:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Stiffness, mass and damping of a body for small motions u e^{lambda t}.
 
-Without contact, small motions satisfy the quadratic eigenproblem
+Without contact, small motions with the amplitude u satisfy the quadratic eigenproblem
 
     (K + lambda C + lambda^2 M) u = 0.
 
-`steady_sliding` and `stability` add constraints: rows of jumps at the contact points. Small
-problems are projected onto the null spaces of these rows using dense matrices. If C = eta K, the
-eigenvalues mu of the undamped body, K u = mu M u, give lambda as the roots of lambda^2 + eta mu
-lambda + mu = 0.
+K is the stiffness, C the damping and M the mass. `steady_sliding` and `stability` add constraints:
+rows of jumps at the contact points. Small problems are projected onto the null spaces of these rows
+using dense matrices. If C = eta K, the eigenvalues mu of the undamped body, K u = mu M u, give
+lambda as the roots of lambda^2 + eta mu lambda + mu = 0.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Body:
         eq: contact problem.
         K: stiffness.
         M: mass.
-        eta: damping time of the damping eta K.
+        eta: damping time; the damping is eta K if ``C`` is None.
         C: damping matrix of another kind; None for damping eta K.
     """
 
@@ -77,7 +77,10 @@ class Body:
         return count_of(self.eq.comm, self.free)
 
     def scale(self, A: PETSc.Mat) -> float:
-        """Return the largest ratio of diagonal entries of A and M on all ranks. Collective."""
+        """Return the largest ratio of diagonal entries of a matrix and the mass matrix.
+
+        The entries of all ranks are compared. Collective.
+        """
         a, m = (np.abs(X.getDiagonal().array_r[self.free]) for X in (A, self.M))
         return maximum(self.eq.comm, a / m)
 
@@ -96,7 +99,8 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         eq: contact problem.
         u: displacement, values of all local and ghost degrees of freedom.
         density: mass density: a number, Constant, Function or UFL expression.
-        damping: damping time eta of C = eta K, or a UFL form C(trial, test).
+        damping: damping time, by which the stiffness is multiplied to obtain the damping, or a UFL
+            form of the damping with a trial and a test function.
 
     Raises:
         ValueError: on every rank, if density or damping is not valid.
@@ -158,11 +162,15 @@ class DenseBody:
     def projected(
         self, held: Array, forces: Array | None = None
     ) -> tuple[Array, Array, Array | None, Array]:
-        """Return K, M and C projected onto the motions Z with held Z = 0, and Z itself.
+        """Return stiffness, mass and damping projected onto unconstrained motions.
 
         Args:
             held: rows of the held motions, shape (k, n).
             forces: rows along which the constraint forces act, shape (k, n); by default ``held``.
+
+        Returns:
+            Stiffness, mass, damping (None if it is proportional to the stiffness), and the motions
+            as columns of a matrix Z with ``held`` Z = 0.
         """
         Z = _null_space(held)
         Y = Z if forces is None else _null_space(forces)
@@ -172,9 +180,14 @@ class DenseBody:
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """Return both roots of lambda^2 + eta mu lambda + mu = 0 for each of k values mu.
+    """Return the eigenvalues lambda of a damped body, shape (2 k,).
 
-    The first roots of all mu precede the second ones, shape (2 k,).
+    They are both roots of lambda^2 + eta mu lambda + mu = 0 for each of k eigenvalues mu of the
+    undamped body. The first roots of all mu precede the second ones.
+
+    Args:
+        mu: eigenvalues of the undamped body, shape (k,).
+        eta: damping time, the ratio of damping and stiffness.
     """
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
@@ -187,16 +200,19 @@ def damped(mu: Complex, eta: float) -> Complex:
 def first_order(K: Array, C: Array) -> Array:
     """Return the matrix with the eigenvalues lambda of (K + lambda C + lambda^2) x = 0.
 
-    Its eigenvectors are (x, lambda x), shape (2 n,).
+    K is the stiffness and C the damping, for a unit mass matrix, shape (n, n). The eigenvectors of
+    the result are (x, lambda x), shape (2 n,).
     """
     return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis of the null space as columns, shape (n, n - m).
+    """Return an orthonormal basis of the null space of a matrix, shape (n, n - m).
+
+    The columns are the vectors of the basis.
 
     Args:
-        rows: linearly independent rows, shape (m, n).
+        rows: matrix with linearly independent rows, shape (m, n).
     """
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]

@@ -2,15 +2,17 @@
 r"""Smallest friction coefficient with which a body stays wedged without any load.
 
 A body may keep contact forces after loading and unloading. With the stiffness S of the contact
-points, the body is *wedged* in a nonzero state (u, r) if
+points, the body is *wedged* in a nonzero state of displacements u = (ut, un) and forces
+r = (rt, rn) if
 
     S u = r,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn,
 
-for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). The infimum of F
-over these states depends only on the body and its contact surface. The problem is homogeneous and
-is scaled to sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the friction cones
-as rays ((F, 1) and (-F, 1) in 2D), a state is given by weights alpha >= 0 with sum 1 and un = G_n r
->= 0. At every point either alpha = 0 (open) or un = 0 (closed).
+for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). F is the
+friction coefficient. The infimum of F over these states depends only on the body and its contact
+surface. The problem is homogeneous and is scaled to sum rn = 1. With the flexibility G = S^-1 and
+the extreme forces of the friction cones as rays ((F, 1) and (-F, 1) in 2D), a state is given by
+weights alpha >= 0 with sum 1 and un = G_n r >= 0. At every point either alpha = 0 (open) or un = 0
+(closed).
 
 For one F, branch and bound searches over the statuses. A region of statuses is empty if
 
@@ -20,14 +22,15 @@ has no solution. This is a linear program. Only its bounds differ between region
 simplex method continues from the last tableau (`tableau`). HiGHS without warm starts took 1.7 times
 as long for 9 nodes (71 regions instead of 73), and failed on a program of 17 nodes.
 
-By duality, for any y and lambda,
+By duality, for any multipliers y and lambda,
 
-    sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha.
+    sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha,
 
-If the smallest left-hand side over the statuses exceeds lambda by more than all round-off errors,
-no state exists for this F or any smaller F. If a state is found, F is reduced to the smallest F for
-the statuses of this state, at which the minimum over states of max(|rt| - F rn) vanishes. The
-search continues just below this F.
+where the matrix M maps the weights alpha_ik of the rays k at the points i to un. If the smallest
+left-hand side over the statuses exceeds lambda by more than all round-off errors, no state exists
+for this F or any smaller F. If a state is found, F is reduced to the smallest F for the statuses of
+this state, at which the minimum over states of max(|rt| - F rn) vanishes. The search continues just
+below this F.
 
 In 3D the friction disc lies between polygons with K sides. With circumscribed polygons the computed
 F is a lower bound. The largest |rt| / rn of the state is an upper bound, larger by a factor of at
@@ -155,9 +158,9 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
 def _scales(S: Array, dim: int) -> Array:
     """Return powers of two by which the stiffness of all points becomes similar, shape (dim m,).
 
-    Let D be the diagonal matrix of these factors, with one factor per point. D S D has the same
-    wedged states up to the scaling by D, which leaves the cones and the signs of the gaps
-    unchanged.
+    Let D be the diagonal matrix of these factors, with one factor per point. With the stiffness S,
+    the matrix D S D has the same wedged states up to the scaling by D, which leaves the cones and
+    the signs of the gaps unchanged.
     """
     own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
@@ -166,10 +169,12 @@ def _scales(S: Array, dim: int) -> Array:
 class _Rays(NamedTuple):
     """Normal displacements caused by the extreme forces of the friction cones.
 
+    The extreme forces are K rays per point. A state is given by their weights.
+
     Attributes:
-        M: matrix that maps the weights alpha of K rays per point to un, with each row scaled to a
+        M: matrix that maps the weights to the normal displacements, with each row scaled to a
             maximum of 1, shape (m, m K).
-        off: error bounds of M alpha for all weights with sum 1, shape (m,).
+        off: error bounds of these displacements for all weights with sum 1, shape (m,).
         opens: mask of the points that can be open, shape (m,).
     """
 
@@ -207,8 +212,8 @@ class _Rays(NamedTuple):
 class _Program(Tableau):
     """Linear program of a region of statuses.
 
-    The variables are alpha, un, the slacks of the inequalities in the module, and the slack of the
-    sum of alpha.
+    The variables are the weights of the rays, the normal displacements, the slacks of the
+    inequalities in the module, and the slack of the sum of weights.
     """
 
     def __init__(self, rays: _Rays):
@@ -222,14 +227,21 @@ class _Program(Tableau):
         self._opens = rays.opens
 
     def hold(self, statuses: Ints) -> None:
-        """Set the bounds of the variables that follow from the statuses of a region, shape (m,)."""
+        """Set the bounds of the variables for a region.
+
+        Args:
+            statuses: statuses of the points in the region, shape (m,).
+        """
         self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
         self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
         every = np.arange(self.n)
         self._set(every, np.where(self._costs < 0, self._up[self._nonbasic], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
-        """Return y, shape (m,), and lambda of the module if the program is infeasible, or None."""
+        """Return multipliers that show that the program is infeasible, or None.
+
+        They are y, shape (m,), and lambda in the notation of the module.
+        """
         v = self._repair()
         if v is None:
             return None
@@ -238,13 +250,16 @@ class _Program(Tableau):
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Sum of alpha at each point, and un, at the current vertex, shape (m,) each."""
+        """Sum of weights and normal displacement of each point at the current vertex.
+
+        Shape (m,) each.
+        """
         x = self._all_values
         return x[: self.n].reshape(self.m, -1).sum(axis=1), x[self.n : self.n + self.m]
 
 
 class _Search:
-    """Branch and bound over open and closed points, with decreasing F.
+    """Branch and bound over open and closed points, with decreasing friction coefficient F.
 
     Attributes:
         scales: factors that multiply displacements and divide forces of the points, shape (dim m,).
@@ -253,7 +268,8 @@ class _Search:
         tried: friction coefficient F, just below the smallest one found, at which regions are
             examined.
         best: forces of the state with the smallest F so far, shape (dim m,); None if there is none.
-        closed: mask of the closed points in this state, shape (m,).
+        closed: mask of the points that are closed in the state with the smallest F so far, shape
+            (m,).
         complete: whether the search was completed.
         regions: number of examined regions.
     """
@@ -294,7 +310,10 @@ class _Search:
         self.complete = not waiting and not self._doubtful
 
     def _descend(self) -> None:
-        """Find a small initial F by changing one point at a time, from all points closed."""
+        """Find a small friction coefficient with which the body stays wedged.
+
+        The search begins with all points closed and changes the status of one point at a time.
+        """
         self._lower(np.ones(self.m, dtype=bool))
         improved = self.best is not None
         while improved and time.monotonic() < self._end:
@@ -346,7 +365,13 @@ class _Search:
         return parts
 
     def _is_empty(self, statuses: Ints, y: Array, lam: float) -> bool:
-        """Return whether multipliers prove that a region has no state, despite round-off."""
+        """Return whether multipliers prove that a region has no state, despite round-off.
+
+        Args:
+            statuses: statuses of the region, shape (m,).
+            y: multipliers of the points, shape (m,), see `_Program.empty`.
+            lam: multiplier lambda of the sum of weights.
+        """
         M, off, opens = self._rays
         for z, k in ((y, lam), (-y, -lam)):
             of_open = np.minimum(z, 0.0) * opens
@@ -361,7 +386,10 @@ class _Search:
         return False
 
     def _lower(self, closed: Mask) -> bool:
-        """Compute the smallest F for a set of closed points; return whether F is a new minimum."""
+        """Compute the smallest friction coefficient for a set of closed points.
+
+        Return whether it is a new minimum.
+        """
         least = self._least_of(closed)
         if least is None or not least[0] < self._reached:
             return False
@@ -380,9 +408,10 @@ class _Search:
         return True
 
     def _least_of(self, closed: Mask) -> tuple[float, Array] | None:
-        """Return the smallest F of a state with given closed points, and its forces.
+        """Return the smallest F of a state with given closed points, and the forces in the state.
 
-        The forces have shape (dim m,). None if this F is not below the smallest F so far.
+        The forces have the shape (dim m,). The result is None if the smallest F with these closed
+        points is not below the smallest F so far.
         """
         places = np.flatnonzero(closed)
         d, k, sides = self.dim, len(places), len(self._facets)
@@ -396,7 +425,12 @@ class _Search:
         forces: dict[float, Array] = {}
 
         def excess(F: float) -> float:
-            """Return the minimum of the largest |rt| - F rn over all states; inf if none exists."""
+            """Return the smallest violation of the friction law with the coefficient F.
+
+            It is the minimum, over the states with the given closed points, of the largest
+            |rt| - F rn of a point, where rt and rn are its tangential and normal forces; infinite
+            if there is no state.
+            """
             A = upper.copy()
             A[: len(facets)] -= F * press
             found = linprog(
@@ -422,7 +456,10 @@ class _Search:
         return F, whole
 
     def _root(self, excess: Callable[[float], float]) -> float:
-        """Return the root of a decreasing function between 0 and the smallest F so far."""
+        """Return the root of a decreasing function of the friction coefficient F.
+
+        It lies between 0 and the smallest F so far.
+        """
         top = self._reached
         if excess(top) >= 0:
             return top
