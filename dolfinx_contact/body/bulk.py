@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Residual and stiffness of a body without contact, reassembled only if necessary.
 
-If the residual is affine in the displacement (`_ufl`), it equals K u + f. K and f depend only on
-the user's Functions and Constants, and are reassembled only if `read_data` finds that these values
-have changed.
+If the residual is affine in the displacement u (`_ufl`), it equals K u + f with the stiffness K and
+the residual f at u = 0. Both depend only on the user's Functions and Constants, and are reassembled
+only if `read_data` finds that the values of these have changed.
 
 A residual with kinks is nonlinear. Its derivative is one-sided at a kink, so Newton's method is
-semismooth, as for contact. A residual with jumps has in general no root that Newton's method could
-find; friction must therefore be modelled by the law of a surface.
+semismooth, as for contact. For a residual with jumps, Newton's method cannot be expected to find a
+solution. Friction must therefore be modelled by the contact law of a surface, not by the bulk form.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ _Fact = TypeVar("_Fact")
 
 
 def circumference(domain: Any) -> Any:
-    """Return 2 pi r with r = x, a UFL expression.
+    """Return 2 pi r, the circumference at a point of the section, as a UFL expression.
+
+    The radius r is the first coordinate of the mesh.
 
     Args:
         domain: mesh of the section, from DOLFINx or UFL.
@@ -74,7 +76,7 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 
 
 class Stiffness:
-    """Residual and stiffness of a body; products may use half of a symmetric matrix.
+    """Residual and stiffness of a body, with fast products if the stiffness is symmetric.
 
     Attributes:
         linear: whether the stiffness does not depend on the displacement.
@@ -88,10 +90,10 @@ class Stiffness:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """Most recently assembled stiffness, optimised for many products. Collective.
+        """Most recently assembled stiffness, in a format for fast products. Collective.
 
         If the body is linear and the stiffness symmetric, only the upper triangle is stored. The
-        conversion costs as much as a few tens of products.
+        conversion costs as much as a few tens of matrix-vector products.
         """
         assert self._K is not None
         if not self.linear or not self._symmetric:
@@ -101,7 +103,7 @@ class Stiffness:
         return self._half
 
     def rows(self, u: Array) -> Array:
-        """Return the owned entries of the residual at ``u``. Collective.
+        """Return the owned entries of the residual at the displacement ``u``. Collective.
 
         For a linear body the residual is computed by a product with the cached stiffness, which is
         cheaper than assembly.
@@ -110,11 +112,14 @@ class Stiffness:
         return self.residual_at(u) if rows is None else rows
 
     def residual_at(self, u: Array) -> Array:
-        """Return the owned entries of the residual, always by assembly. Collective."""
+        """Return the owned entries of the residual at ``u``, always by assembly. Collective."""
         raise NotImplementedError
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned residual from the cached stiffness; None if it is out of date."""
+        """Return the owned entries of the residual at ``u``, computed from the cached stiffness.
+
+        The result is None if there is no cached stiffness or its data have changed.
+        """
         raise NotImplementedError
 
     def _forget_half(self) -> None:
@@ -136,8 +141,7 @@ class Bulk(Stiffness):
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
-        u: displacement of the user, which occurs in the form; its values are neither read nor
-            written.
+        u: displacement Function in the user's form; its values are neither read nor written.
 
     Attributes:
         residual: UFL residual in ``displacement``.
@@ -151,8 +155,10 @@ class Bulk(Stiffness):
         jacobian_constants: Constants of the stiffness.
         materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
-        kinks: description of the parts of the form with kinks or jumps in ``u``; "" without any.
-        stiffness_mark: counter of the changes to the data in the stiffness, the same on every rank.
+        kinks: description of the parts of the form with kinks or jumps in ``u``; "" if there are
+            none.
+        stiffness_mark: counter that increases when data in the stiffness change, the same on every
+            rank.
         assemblies: number of assemblies of the stiffness.
 
     Raises:
@@ -204,7 +210,7 @@ class Bulk(Stiffness):
 
     @cached_property
     def _form(self) -> ufl.Form:
-        """User's form, with ``u`` replaced by `displacement`."""
+        """The user's form, with its displacement Function replaced by `displacement`."""
         form, u = self._given
         return ufl.replace(form, {u: self.displacement})
 
@@ -220,13 +226,13 @@ class Bulk(Stiffness):
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
-        """Compile the derived form with the name ``what``. Collective."""
+        """Return the compiled form ``what``, derived from the user's form. Collective."""
         name = f"{what} of a body", self._key[1]
         spaces = [self._V] * rank
         return derived_form(name, self._given[0], make, spaces, functions=self._ordered)
 
     def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
-        """Return a symbolic property of the form, cached under the signature of the form."""
+        """Return the property ``what`` of the form, cached by the signature of the form."""
         key = what, *self._key
         if key not in _facts:
             _facts[key] = find()
@@ -247,7 +253,11 @@ class Bulk(Stiffness):
         return [self._ordered[i] for i in functions], [self.constants[i] for i in constants]
 
     def loaded(self, load: ufl.Form) -> Bulk:
-        """Return this body with an additional load: a linear form that does not contain ``u``."""
+        """Return a copy of this body with an additional load.
+
+        Args:
+            load: linear form that does not contain the displacement.
+        """
         own = self.displacement
         if not self.is_energy:
             made = Bulk(self.residual + load, own)
@@ -278,7 +288,7 @@ class Bulk(Stiffness):
     # -- residual and energy ---------------------------------------------------------------------
 
     def energy_at(self, u: Array) -> float | None:
-        """Return the user's energy at ``u``; None if the form is a residual. Collective."""
+        """Return the energy of the body at ``u``; None if the form is a residual. Collective."""
         if not self.is_energy:
             return None
         rows = self.affine_residual(u)
@@ -300,11 +310,11 @@ class Bulk(Stiffness):
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
     def residual_at(self, u: Array) -> Array:
-        """Assemble the residual and return its owned entries. Collective."""
+        """Assemble the residual at the displacement ``u``; return owned entries. Collective."""
         return self.assembled(self.residual_form, u)
 
     def assembled(self, form: fem.Form, u: Array) -> Array:
-        """Return the owned entries of the vector of a linear form in `displacement`. Collective."""
+        """Assemble a linear form for the displacement ``u``; return owned entries. Collective."""
         self.displacement.x.array[:] = u
         b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.assemble_vector(b.array, form)
@@ -312,9 +322,11 @@ class Bulk(Stiffness):
         return b.array[: self._owned].copy()
 
     def rate_at(self, u: Array, step: Array) -> Array:
-        """Return the owned entries of K(u) d for an increment d of Dirichlet data. Collective.
+        """Return the owned entries of K(u) d, the change of the residual with Dirichlet data.
 
-        Unless K is up to date, only cells with dofs at which d is nonzero are assembled.
+        K(u) is the stiffness at the displacement u, and d the increment of the displacement at
+        Dirichlet dofs. Unless K is up to date, only cells with dofs at which d is nonzero are
+        assembled. Collective.
 
         Args:
             u: displacement.
@@ -337,18 +349,19 @@ class Bulk(Stiffness):
         return fem.Function(self._V)
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned entries of K u + f if K is up to date, otherwise None. Collective.
+        """Return the owned entries of the residual K u + f of a linear body. Collective.
 
-        The result is None for a nonlinear body, or if the data of the stiffness have changed:
-        assembly of the residual is then cheaper.
+        K is the cached stiffness and f the residual at u = 0. The result is None if the body is
+        nonlinear, or if K is not up to date: assembly of the residual is then cheaper.
         """
         f = self.affine_load()
         return None if f is None else self.times(u) + f
 
     def affine_load(self) -> Array | None:
-        """Return the owned residual at zero displacement if K is up to date. Collective.
+        """Return the owned entries of the residual of a linear body at u = 0. Collective.
 
-        The array is cached and must not be modified by the caller. If the data have changed, a new
+        The result is None if the body is nonlinear or the cached stiffness is not up to date. The
+        array is cached and must not be modified by the caller. If the data have changed, a new
         array is created.
         """
         if not self._is_current:
@@ -364,8 +377,8 @@ class Bulk(Stiffness):
     def stiffness(self, u: Array) -> PETSc.Mat:
         """Return the derivative of the residual at ``u``, without Dirichlet conditions. Collective.
 
-        The matrix is reassembled only if its data have changed, or ``u`` for a nonlinear body. It
-        is owned by this object: the caller must neither modify nor destroy it.
+        The matrix is reassembled only if its data have changed or, for a nonlinear body, if ``u``
+        has changed. It is owned by this object: the caller must neither modify nor destroy it.
         """
         self.displacement.x.array[:] = u
         mark = self.stiffness_mark, 0 if self.linear else checksum([self.displacement])
@@ -387,7 +400,7 @@ class Bulk(Stiffness):
         return self.linear and self._K is not None and self._K_mark[0] == self.stiffness_mark
 
     def times(self, u: Array) -> Array:
-        """Return owned entries of K u with the most recently assembled stiffness. Collective."""
+        """Return the owned entries of the product of the cached stiffness and ``u``. Collective."""
         assert self._K is not None
         return product(self._K if self._half is None else self._half, u)
 
@@ -406,7 +419,7 @@ _facts: dict[tuple[Any, ...], Any] = {}
 
 
 def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
-    """Return whether a form is symbolically zero for ``u`` = 0."""
+    """Return whether a form is symbolically zero if ``u`` is replaced by zero."""
     none = ufl.classes.Zero(u.ufl_shape)
     return bool(ufl.replace(form, {u: none}).empty())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells: volumes, and determinants of the deformation gradient."""
+"""Volumes of cells, and determinants of the deformation gradient in cells."""
 
 from __future__ import annotations
 
@@ -63,7 +63,11 @@ def check_cells(domain: mesh.Mesh) -> None:
 
 
 def _first(domain: mesh.Mesh, cells: Ints) -> tuple[int, Array]:
-    """Find the cell with the smallest input index, given cells on each rank. Collective.
+    """Find the cell with the smallest input index among given cells of all ranks. Collective.
+
+    Args:
+        domain: mesh.
+        cells: local indices of cells on this rank; empty on some ranks, but not on all.
 
     Returns:
         Index of the cell in the input, and midpoint of the cell.
@@ -122,7 +126,9 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> Ints:
-    """Return the number of cells containing each point, over all ranks, shape (n,). Collective.
+    """Return the number of cells that contain each point, shape (n,). Collective.
+
+    Cells of all ranks are counted.
 
     Args:
         domain: mesh whose cells are counted.
@@ -162,7 +168,7 @@ def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True
 def basis(element: Any, points: Array) -> tuple[Array, Array]:
     """Evaluate a Lagrange basis and its gradients at points of the reference cell.
 
-    The shapes are (nodes, points) and (nodes, points * dim).
+    The values have the shape (nodes, points), the gradients the shape (nodes, points * dim).
 
     Args:
         element: blocked Lagrange element.
@@ -174,7 +180,11 @@ def basis(element: Any, points: Array) -> tuple[Array, Array]:
 
 
 def determinants(J: Array) -> Array:
-    """Return the determinants of matrices, shape (..., 2, 2) or (..., 3, 3)."""
+    """Return the determinants of matrices, shape (...,).
+
+    Args:
+        J: matrices, shape (..., 2, 2) or (..., 3, 3).
+    """
     a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
     if len(a) == 2:
         return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
@@ -189,11 +199,11 @@ def chunks(number: int) -> Iterator[slice]:
 
 
 def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield the Jacobians J of chunks of owned cells, and magnitudes that bound round-off.
+    """Yield the Jacobian matrices J of the owned cells, in chunks of n cells.
 
-    Each item is a slice of n cells; J at the reference points, shape (n, points, dim, dim); and the
-    magnitude relative to which det J has round-off, shape (n,), which grows with the distance of
-    the cell from the origin.
+    Each item is the slice of the chunk; J at the reference points, shape (n, points, dim, dim); and
+    a scale for the round-off in det J, shape (n,), which grows with the distance of the cell from
+    the origin.
     """
     dim = domain.geometry.dim
     nodes = geometry_dofmap(domain)
@@ -209,13 +219,13 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
 
 
 def _gradients_of(values: Array, table: Array) -> Array:
-    """Return the gradients of a vector field at reference points of n cells.
+    """Return the gradients of a vector field at the reference points of n cells.
 
-    The shape is (n, points, dim, dim).
+    The derivatives are those with respect to reference coordinates, shape (n, points, dim, dim).
 
     Args:
         values: values at the nodes of the cells, shape (n, nodes, dim).
-        table: gradients of the basis (`basis`).
+        table: gradients of the basis functions (`basis`).
     """
     n, nodes, dim = values.shape
     flat = np.ascontiguousarray(values.transpose(0, 2, 1)).reshape(-1, nodes) @ table
@@ -228,17 +238,19 @@ def _gradients_of(values: Array, table: Array) -> Array:
 def smallest_jacobian(
     V: fem.FunctionSpace, u: Array, *, vertices: bool = True, axisymmetric: bool = False
 ) -> tuple[float, Array]:
-    """Return the smallest det(I + grad u) and the midpoint of its cell. Collective.
+    """Return the smallest determinant of the deformation gradient, det(I + grad u). Collective.
 
-    The determinant is evaluated at the quadrature points of energies and, optionally, at the
-    vertices of the cells; on linear simplices it is constant. The result is the same on every rank.
-    It is NaN if the displacement is not finite, so accept a state only if it is ``> 0``.
+    The determinant is evaluated at the points of a quadrature rule and, optionally, at the vertices
+    of the cells. On linear simplices it is constant. The midpoint of the cell with the smallest
+    value is also returned. The result is the same on every rank. The value is NaN if the
+    displacement is not finite, so accept a state only if it is ``> 0``.
 
     Args:
         V: space of the displacement.
         u: displacement at all local dofs, including ghosts.
         vertices: whether the determinant is also evaluated at the vertices.
-        axisymmetric: whether the body is a body of revolution, with the hoop stretch 1 + u_r / r.
+        axisymmetric: whether the body is a body of revolution; the determinant then includes the
+            hoop stretch 1 + u_r / r.
     """
     domain = V.mesh
     dim = domain.geometry.dim
@@ -268,7 +280,12 @@ def smallest_jacobian(
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
-    """Return the smallest value over all cells and the midpoint of its cell. Collective."""
+    """Return the smallest value over all cells, and the midpoint of its cell. Collective.
+
+    Args:
+        domain: mesh.
+        values: one value for each owned cell.
+    """
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Among equal values, choose the first cell in the order of the input.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checks of the form and Dirichlet conditions of a body: errors, and warnings."""
+"""Checks of the form and the Dirichlet conditions of a body: errors and warnings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _Warning: TypeAlias = tuple[str, str]  # name and text
 
 
 def check_body(bulk: Any, u: fem.Function, bcs: Sequence[fem.DirichletBC]) -> None:
-    """Raise ``ValueError`` if form or Dirichlet conditions are inconsistent. Not collective.
+    """Raise ``ValueError`` if the form or a Dirichlet condition is invalid. Not collective.
 
     Args:
         bulk: energy or residual of the body.
@@ -51,7 +51,7 @@ def check_body(bulk: Any, u: fem.Function, bcs: Sequence[fem.DirichletBC]) -> No
 
 
 def _check_integrals(bulk: ufl.Form) -> None:
-    """Raise ``ValueError`` for quadrature degrees and integrands that FFCx does not compile."""
+    """Raise ``ValueError`` for quadrature degrees and integrands that FFCx cannot compile."""
     for integral in bulk.integrals():
         degree = integral.metadata().get("quadrature_degree", -1)
         if degree != -1:  # estimated
@@ -69,7 +69,7 @@ def _check_integrals(bulk: ufl.Form) -> None:
 def unintended(
     form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> dict[str, str]:
-    """Return warnings about data of a body that are probably not intended, by name. Collective.
+    """Return warnings, by name, about data that are probably not intended. Collective.
 
     - An integral over a tag without entities is 0, so that a load is missing. The measure ds does
       not include facets between cells, and dS does not include facets of the boundary.
@@ -98,7 +98,7 @@ def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Itera
 
 
 def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
-    """Yield warnings about empty integrals, and about cells without an integral. Collective."""
+    """Yield warnings about integrals over no entity and cells without an integral. Collective."""
     dim = domain.topology.dim
     domain.topology.create_connectivity(dim - 1, dim)
     covered = np.zeros(domain.topology.index_map(dim).size_local, dtype=bool)
@@ -163,7 +163,7 @@ def _loads_on_fixed(
 
 
 def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
-    """Yield warnings about quadrature rules with too few points for a regular stiffness."""
+    """Yield warnings about quadrature rules whose stiffness is singular (too few points)."""
     degrees: dict[Any, list[int]] = {}  # of the integrals over each set of cells
     for integral in form.integrals():
         if integral.integral_type() == "cell":
@@ -205,10 +205,10 @@ def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
 
 
 def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
-    """Return a message on dofs with contradicting Dirichlet values; "" if none. Collective.
+    """Return a message about dofs with contradictory Dirichlet values; "" if there are none.
 
-    DOLFINx applies the last condition. Values are equal if they differ by round-off of the largest
-    value.
+    DOLFINx applies the last condition. Values are considered equal if they differ only by round-off
+    of the largest value. Collective.
 
     Args:
         V: space of the displacement.
@@ -244,16 +244,24 @@ def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
 
 
 def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
-    """Return the tags of an integral; for an integral over everything, UFL's name of this."""
+    """Return the tags of an integral as a tuple.
+
+    If the integral is over all entities, the only item is the name that UFL gives to these.
+    """
     ids = integral.subdomain_id()
     return ids if isinstance(ids, tuple) else (ids,)
 
 
 def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
-    """Return the number of entities over which a tag is integrated, and all tagged entities.
+    """Return the number of integrated entities with a tag, and all entities with this tag.
 
-    Tagged facets that do not belong to the measure (``ds`` or ``dS``) are not integrated. Not
-    collective.
+    Tagged facets that do not belong to the measure (``ds`` or ``dS``) are not integrated. Only
+    entities of this rank are counted. Not collective.
+
+    Args:
+        integral: integral over tagged entities.
+        number: tag.
+        domain: mesh.
     """
     data = integral.subdomain_data()
     if not isinstance(data, mesh.MeshTags):

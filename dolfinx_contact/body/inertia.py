@@ -2,15 +2,15 @@
 r"""Mass matrix of a body: consistent, lumped, or redistributed from potential contact nodes.
 
 consistent
-    M_ij = integral of rho phi_i phi_j.
+    M_ij = integral of rho phi_i phi_j, with the density rho and the basis functions phi_i.
 lumped
-    diagonal: row sums (P1), or the scaled diagonal of the consistent matrix (P2, where row sums
-    vanish at vertices; Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4, 1976, with one
-    factor for all cells that preserves the total mass).
+    diagonal: row sums of the consistent matrix for P1; for P2, where row sums vanish at vertices,
+    its scaled diagonal (Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4, 1976). One
+    scaling factor for all cells preserves the total mass.
 redistributed
     no mass at potential contact nodes (Khenous, Laborde and Renard, Eur. J. Mech. A 27, 2008).
-    Their mass is moved to the diagonal of neighbouring nodes in proportion to the entries of M: the
-    total mass is preserved, and the centre of mass moves by a fraction of a cell.
+    Their mass is moved to the diagonal entries of neighbouring nodes, in proportion to the entries
+    of M. The total mass is preserved, and the centre of mass moves by a fraction of a cell.
 """
 
 from __future__ import annotations
@@ -80,17 +80,17 @@ def inertia_error(
     *,
     axisymmetric: bool,
 ) -> float:
-    """Return the largest relative error of rigid accelerations due to M. Collective.
+    """Return the largest relative error of rigid accelerations caused by a mass matrix M.
 
     Let the columns of R be the rigid motions permitted by the Dirichlet conditions, G = R^T M R,
-    and G_0 the same product with the consistent matrix, which is exact. The forces that would cause
-    the rigid acceleration a cause the acceleration G^-1 G_0 a with the mass matrix M. The relative
-    error is largest, abs(c - 1), for an eigenvector of G_0 a = c G a.
+    and G_0 = R^T M_0 R with the consistent mass matrix M_0, which is exact for rigid motions. A
+    force that causes the rigid acceleration R a with M_0 causes R G^-1 G_0 a with M. The relative
+    error is the largest abs(c - 1) of all eigenvalues c of G_0 a = c G a. Collective.
 
     Args:
         V: space of the displacement.
         M: mass matrix whose error is computed.
-        consistent: consistent mass matrix.
+        consistent: consistent mass matrix M_0.
         fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
         axisymmetric: whether the body is a body of revolution.
     """
@@ -113,7 +113,8 @@ def inertia_error(
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     """Raise ``ValueError`` if a density is not positive. Collective.
 
-    A density may be 0 at some points of a cell, but not in the mean, and must not be negative.
+    A density may vanish at some points of a cell, but its mean over each cell must be positive, and
+    it must not be negative anywhere.
     """
     domain = V.mesh
     W = fem.functionspace(domain, ("DG", 0))
@@ -130,7 +131,7 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
 
 
 def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
-    """Return a lumped mass matrix: diagonal, with the total mass of M. Collective."""
+    """Return the diagonal lumped mass matrix with the same total mass as M. Collective."""
     total = M.getRowSum()
     masses = total
     if degree > 1:
@@ -144,7 +145,13 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
 
 
 def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: Mask) -> None:
-    """Move the mass of potential contact nodes in M to neighbouring nodes. Collective."""
+    """Move the mass of potential contact nodes in M to neighbouring nodes. Collective.
+
+    Args:
+        M: consistent or lumped mass matrix, which is modified.
+        around: consistent mass matrix, whose entries determine how the mass is distributed.
+        touching: mask of the owned dofs of potential contact nodes.
+    """
     start = M.getOwnershipRange()[0]
     weights = around.copy()
     indptr, indices, values = weights.getValuesCSR()

@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Residual of a body with inertia in a time step, a drop-in replacement for `Bulk`.
 
-The equation of motion in terms of measures (Jean and Moreau, CISM Lectures 304, 1987)
+The displacement u and the velocity v satisfy the equation of motion in terms of measures (Jean and
+Moreau, CISM Lectures 304, 1987)
 
     M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
     u_1 = u_0 + integral of v dt
 
-is integrated over a step from t_0 to t_1 = t_0 + h. The first integral is approximated by the theta
-method, h (theta f_1 + (1 - theta) f_0) for an integrand with the values f_0 and f_1 at t_0 and t_1.
-The integral of contact forces is approximated by the theta method or by the implicit Euler method.
+from the start t_0 to the end t_1 = t_0 + h of a step, with the mass matrix M, the loads F, the
+internal forces R and the damping matrix C. The first integral is approximated by the theta method,
+h (theta f_1 + (1 - theta) f_0) for an integrand with the values f_0 and f_1 at t_0 and t_1. The
+integral of the contact forces is approximated by the theta method or by the implicit Euler method.
 Multipliers are the contact forces averaged over the step. The unknown is the displacement w that
-enters the contact law,
+enters the contact law. It depends on the integration scheme:
 
     theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
     theta-euler      w = u_1 = u_0 + h v_1
     modified-theta   w = u_1 + h (1 - theta) v_1,  u_1 as in theta
 
-Hence v_1 = (w - w_0)/(a h), where w_0 depends on the start of the step only; a = theta for the
-scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1 with k = 1 - theta for
-"modified-theta" and 0 otherwise. Divided by h, the equation of motion is
+Hence v_1 = (w - w_0)/(a h), where w_0 depends only on the state at the start of the step. The
+factor a is theta for the scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1,
+where k is (1 - theta) for "modified-theta" and 0 otherwise. Divided by h, the equation of motion is
 
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
@@ -50,12 +52,15 @@ Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 @dataclass(frozen=True)
 class TimeStep:
-    """Time step of an integration scheme, with the relations between w, u_1 and v_1.
+    """Time step, with the relations between the unknown and the state at the end of the step.
+
+    These are the relations between the unknown w, the displacement u_1 and the velocity v_1 in the
+    module docstring.
 
     Attributes:
         length: duration h of the step.
         theta: weight of the end of the step in the theta method.
-        scheme: scheme of the two integrals.
+        scheme: integration scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"``.
     """
 
     length: float
@@ -64,7 +69,10 @@ class TimeStep:
 
     @property
     def gain(self) -> float:
-        """Factor a in w - w_0 = a h v_1."""
+        """Factor a in the relation w - w_0 = a h v_1 of the unknown w and the final velocity v_1.
+
+        h is the duration of the step, and w_0 is the value of w for v_1 = 0 (`origin`).
+        """
         return self.theta if self.scheme == "theta" else 1.0
 
     @property
@@ -73,50 +81,73 @@ class TimeStep:
 
     @property
     def share(self) -> float:
-        """Derivative of u_1 with respect to w."""
+        """Derivative of the displacement at the end of the step with respect to the unknown w."""
         return 1.0 - self._ahead / self.gain
 
     @property
     def rate(self) -> float:
-        """Derivative of v_1 with respect to w."""
+        """Derivative of the velocity at the end of the step with respect to the unknown w."""
         return 1.0 / (self.gain * self.length)
 
     def origin(self, u: Array, v: Array) -> Array:
-        """Return w_0 from displacement and velocity at the start of the step."""
+        """Return w_0, the value of the unknown w for which the final velocity vanishes.
+
+        Args:
+            u: displacement at the start of the step.
+            v: velocity at the start of the step.
+        """
         if self.scheme == "theta-euler":
             return u.copy()
         return np.asarray(u + self.length * (1.0 - self.theta) * v)
 
     def velocity(self, w: Array, w0: Array) -> Array:
-        """Return the velocity v_1 at the end of the step."""
+        """Return the velocity at the end of the step.
+
+        Args:
+            w: unknown of the step.
+            w0: value of the unknown for which the final velocity vanishes (`origin`).
+        """
         return np.asarray(self.rate * (w - w0))
 
     def displacement(self, w: Array, w0: Array) -> Array:
-        """Return the displacement u_1 at the end of the step."""
+        """Return the displacement at the end of the step.
+
+        Args:
+            w: unknown of the step.
+            w0: value of the unknown for which the final velocity vanishes (`origin`).
+        """
         return np.asarray(w0 + self.share * (w - w0))
 
     def seen(self, u: Array, w0: Array) -> Array:
-        """Return the unknown w for which the displacement u_1 equals ``u``."""
+        """Return the unknown w for which the displacement at the end of the step equals ``u``.
+
+        Args:
+            u: displacement at the end of the step.
+            w0: value of the unknown for which the final velocity vanishes (`origin`).
+        """
         return np.asarray(w0 + (u - w0) / self.share)
 
 
 class MovingBody(Stiffness):
-    """Body with inertia in a time step, with the interface of a `Bulk`; the unknown is w.
+    """Body with inertia in a time step, with the interface of `Bulk`.
+
+    The unknown is the displacement w that enters the contact law (see the module docstring).
 
     Args:
         body: body without inertia.
-        mass: mass matrix M.
-        damping: damping matrix C; None for no damping.
+        mass: mass matrix.
+        damping: damping matrix; None for no damping.
         step: first time step.
 
     Attributes:
         body: body without inertia.
-        mass: mass matrix M.
-        damping: damping matrix C; None for no damping.
+        mass: mass matrix.
+        damping: damping matrix; None for no damping.
         step: current time step.
-        origin: displacement w_0 of the step, array of all local values including ghosts.
+        origin: value w_0 of the unknown for which the final velocity vanishes (`TimeStep.origin`),
+            array of all local values including ghosts.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
-            assemblies: attributes of the body without inertia; see `Bulk`.
+            assemblies: attributes with the same meaning as in `Bulk`.
     """
 
     has_mass = True
@@ -162,7 +193,8 @@ class MovingBody(Stiffness):
             step: time step that begins.
             u: local values of the displacement at the start of the step.
             v: local values of the velocity at the start of the step.
-            rows: owned values of R(u) + C v at the start of the step.
+            rows: owned values of the internal and damping forces minus the loads at the start of
+                the step, as returned by `forces`.
         """
         self.step = step
         self.origin = step.origin(u, v)
@@ -177,7 +209,12 @@ class MovingBody(Stiffness):
         return self.body.residual
 
     def _rows(self, w: Array, inner: Array) -> Array:
-        """Return the left-hand side of the equation of motion, given R(u_1). Collective."""
+        """Return the left-hand side of the equation of motion in the module docstring. Collective.
+
+        Args:
+            w: unknown of the step.
+            inner: owned values of the residual of the body without inertia at the end of the step.
+        """
         v = self.step.velocity(w, self.origin)
         rows = self.step.theta * inner + product(self.mass, v) / self.step.length
         if self.damping is not None:
@@ -185,34 +222,43 @@ class MovingBody(Stiffness):
         return np.asarray(rows + self._given)
 
     def forces(self, u: Array, v: Array) -> Array:
-        """Return the owned values of R(u) + C v with the current loads. Collective."""
+        """Return owned values of the internal and damping forces minus the loads. Collective.
+
+        Args:
+            u: local values of the displacement.
+            v: local values of the velocity.
+        """
         inner = self.body.rows(u)
         return inner if self.damping is None else inner + product(self.damping, v)
 
     def load(self) -> Array:
-        """Return the owned values of the current loads, -R(0). Collective."""
+        """Return the owned values of the current loads. Collective."""
         f = self.body.affine_load()
         return -(self.body.residual_at(np.zeros_like(self.origin)) if f is None else f)
 
     # -- interface of a Bulk ---------------------------------------------------------------------
 
     def read_data(self) -> None:
-        """See `Bulk.read_data`. Collective."""
+        """Read the present values of the Functions and Constants in the forms. Collective."""
         self.body.read_data()
 
     def energy_at(self, w: Array) -> float | None:
-        """Return the user's energy at u_1; None if the form is a residual. Collective."""
+        """Return the energy of the body without inertia at the end of the step. Collective.
+
+        The result is None if the form is a residual.
+        """
         return self.body.energy_at(self.step.displacement(w, self.origin))
 
     def residual_at(self, w: Array) -> Array:
-        """Return the owned residual of the step, with R always assembled. Collective."""
+        """Return the owned residual of the step, with internal forces assembled. Collective."""
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self.origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
-        """Return the owned residual of the step if K is up to date, otherwise None. Collective.
+        """Return the owned residual of the step, computed from the cached stiffness. Collective.
 
-        The residual is computed as its value at w_0, which is assembled once per step, plus the
-        stiffness times w - w_0. See `Bulk.affine_residual`.
+        It is the sum of the residual at w = w_0 (`origin`), which is assembled once per step, and
+        the stiffness times w - w_0. The result is None if the body is nonlinear or its stiffness is
+        not up to date.
         """
         f = self.body.affine_load()
         if f is None:
@@ -226,19 +272,32 @@ class MovingBody(Stiffness):
         return self._start[2] + product(self.for_products, w - self.origin)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Return the owned derivative of the residual by a parameter, given dR/dparameter.
+        """Return the owned derivative of the residual of the step with respect to a parameter.
 
-        Collective. ``form`` is a linear form.
+        Collective.
+
+        Args:
+            form: linear form, the derivative of the residual of the body without inertia with
+                respect to the parameter.
+            w: unknown of the step.
         """
         u = self.step.displacement(w, self.origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
     def rate_at(self, w: Array, step: Array) -> Array:
-        """Return the stiffness times an increment of w; see `Bulk.rate_at`. Collective."""
+        """Return the owned entries of the stiffness at ``w`` times an increment. Collective.
+
+        Args:
+            w: unknown of the step.
+            step: increment of ``w`` at all local dofs.
+        """
         return product(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Differentiate the residual with respect to w; see `Bulk.stiffness`. Collective."""
+        """Return the derivative of the residual of the step with respect to w. Collective.
+
+        The matrix is owned by this object, as in `Bulk.stiffness`.
+        """
         step = self.step
         K = self.body.stiffness(step.displacement(w, self.origin))
         of = self.body.assemblies, step
@@ -262,10 +321,10 @@ class MovingBody(Stiffness):
 
     @property
     def stiffness_mark(self) -> int:
-        """Checksum of the step and of `Bulk.stiffness_mark`, the same on every rank."""
+        """Checksum of the time step and of `Bulk.stiffness_mark`, the same on every rank."""
         return zlib.crc32(repr((self.step, self.body.stiffness_mark)).encode())
 
     @property
     def stiffness_data(self) -> list[Any]:
-        """Data in the stiffness of the body without inertia, see `Bulk`."""
+        """Functions and Constants in the stiffness of the body without inertia."""
         return self.body.stiffness_data

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Connected parts of a body: rigid motions, free motions, and stiffness under uniform strains."""
+"""Connected parts of a body: their rigid motions, sizes, and stiffness under uniform strains."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ class Parts:
         joined: whether to treat the whole mesh as one part.
 
     Attributes:
-        of_nodes: index of the part of each local node.
-        of_owned: index of the part of each owned node.
+        of_nodes: for each local node, the index of the part that contains it.
+        of_owned: for each owned node, the index of the part that contains it.
         number: number of parts.
     """
 
@@ -95,11 +95,12 @@ class Parts:
         self.number = int(largest(self.comm, self.of_owned.max(initial=-1))) + 1
 
     def extents(self) -> Array:
-        """Return the size of every part, a length that is invariant under rotations.
+        """Return the size of each part, shape (number of parts,).
 
-        The size is sqrt(12) times the root mean square distance from the centre of mass: the
-        diagonal of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells
-        are replaced by simplices or parallelepipeds (`cells.vertex_moments`).
+        The size is a length, sqrt(12) times the root mean square distance from the centre of mass:
+        the diagonal of a rectangle or box, or 1.22 times the diameter of a disc. It is invariant
+        under rotations. Curved or warped cells are replaced by simplices or parallelepipeds
+        (`cells.vertex_moments`).
         """
         domain = self.V.mesh
         n = domain.topology.index_map(domain.topology.dim).size_local
@@ -112,7 +113,7 @@ class Parts:
         return np.asarray(np.sqrt(12.0 * self.sums(about, p) / size))
 
     def sums(self, values: Array, part: Indices | None = None) -> Array:
-        """Return sums over the nodes or cells of every part, shape (number, ...).
+        """Return sums over the nodes or cells of each part, shape (number of parts, ...).
 
         Args:
             values: values at nodes or cells of this rank, shape (n, ...).
@@ -126,8 +127,8 @@ class Parts:
     def motions(self) -> Array:
         """Return the infinitesimal rigid motions of all parts.
 
-        Rotations are about the centre of the part and divided by its size, so that all motions are
-        lengths. A body of revolution has the axial translation only.
+        Translations have unit length. Rotations are about the centre of the bounding box of the
+        part and divided by its diagonal. A body of revolution has the axial translation only.
 
         Returns:
             Motions at the local nodes, ordered by part, shape (motions, nodes, dim).
@@ -172,6 +173,9 @@ class Parts:
     def gram_at_fixed(self, motions: Array, fixed: Mask) -> Array:
         """Return the Gram matrix of motions, restricted to components with Dirichlet conditions.
 
+        A combination of motions in the null space of this matrix is permitted by the Dirichlet
+        conditions. The shape is (motions, motions).
+
         Args:
             motions: motions at the local nodes, shape (motions, nodes, dim).
             fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
@@ -180,7 +184,11 @@ class Parts:
         return total(self.comm, restricted @ restricted.T)
 
     def describe(self, free: Array) -> str:
-        """Name the rigid motions (translations, rotations) that occur in ``free``."""
+        """Name the translations and rotations that occur in given rigid motions.
+
+        Args:
+            free: rigid motions at the local nodes, shape (free motions, nodes, dim).
+        """
         A = self._owned(self.motions())
         B = self._owned(free)
         coefficients = np.linalg.solve(total(self.comm, A @ A.T), total(self.comm, A @ B.T))
@@ -195,13 +203,17 @@ class Parts:
         return ", ".join(name for name, s in zip(names, size, strict=True) if s > 1e-6 * size.max())
 
     def _owned(self, motions: Array) -> Array:
-        """Return motions at the owned dofs, shape (motions, dofs)."""
+        """Return motions restricted to the owned dofs, shape (motions, owned dofs).
+
+        Args:
+            motions: motions at the local nodes, shape (motions, nodes, dim).
+        """
         return motions[:, : self._n].reshape(len(motions), self._n * self._dim)
 
     # -- stiffness -------------------------------------------------------------------------------
 
     def require_hoop_stiffness(self, K: PETSc.Mat) -> None:
-        """Raise ``ValueError`` if radial translation of a body of revolution needs no force.
+        """Raise ``ValueError`` if a body of revolution does not resist radial translation.
 
         This happens if the form is that of a plane body, without hoop strain.
         """
@@ -217,14 +229,14 @@ class Parts:
         )
 
     def softness(self, K: PETSc.Mat) -> Array:
-        """Return the softness of every part, shape (number,).
+        """Return the ratio of shear to bulk stiffness of each part, shape (number of parts,).
 
-        The softness is the median divided by the mean of the eigenvalues of the energies of uniform
-        strains. It measures the resistance to shear relative to the resistance to compression, and
-        is set to 1 for unstable or rigid parts. The energies are those of Voigt's average of the
-        elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). Its eigenvalues are 2 mu (five times
-        in 3D) and 3 lambda + 2 mu for an isotropic body. The ratio 4 mu / (4 mu + lambda) is 0.73
-        for Poisson's ratio 0.3 and 0.008 for 0.499.
+        This ratio is the median of the eigenvalues of the energies of uniform strains, divided by
+        their mean. It measures the resistance to shear relative to the resistance to compression,
+        and is set to 1 for unstable or rigid parts. The energies are those of Voigt's average of
+        the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). For an isotropic body in 3D with
+        the Lame coefficients lambda and mu, the eigenvalues are 2 mu (five times) and 3 lambda + 2
+        mu. The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
 
         Args:
             K: stiffness of the body without Dirichlet conditions.
@@ -232,11 +244,15 @@ class Parts:
         return np.array([_softness(energies) for energies in self._energies(K)])
 
     def _energies(self, K: PETSc.Mat) -> Array:
-        """Return the elastic energies of pairs of k uniform strains, shape (number, k, k).
+        """Return the energy of each part as a bilinear form of k uniform strains.
 
-        There is one matrix for every part. The displacements x E have constant symmetric gradients
-        E, which are orthonormal. In a body of revolution the displacements are, up to factors, (r,
-        0), with the same strain around the axis, (0, z) and (0, r).
+        The shape is (number of parts, k, k). The k displacements x E, with the position x and
+        symmetric matrices E, have the constant gradients E, which are orthonormal. In a body of
+        revolution the displacements are, up to factors, (r, 0), which has equal radial and hoop
+        strains, (0, z) and (0, r).
+
+        Args:
+            K: stiffness of the body without Dirichlet conditions.
         """
         p = self.of_owned
         dim = self._dim
@@ -265,8 +281,8 @@ class Parts:
     def largest_turn(self, u: Array) -> float:
         """Return the largest mean rotation of any part, linearised, in radians.
 
-        The mean rotation of a part is that of the rigid motion that approximates the nodal
-        displacement by least squares.
+        The mean rotation of a part is that of the rigid motion closest to the nodal displacements
+        in the least-squares sense.
 
         Args:
             u: local values of the displacement.
@@ -285,7 +301,7 @@ class Parts:
         return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
     def differences(self, u: Array) -> tuple[Array, Array]:
-        """Return the displacement difference and the extents of every part.
+        """Return the displacement difference and the extents of each part.
 
         Args:
             u: local values of the displacement.
@@ -307,7 +323,11 @@ class Parts:
 
 
 def _softness(energies: Array) -> float:
-    """Return the softness of a part, given the energies of its k uniform strains, shape (k, k)."""
+    """Return the ratio of shear to bulk stiffness of one part; see `Parts.softness`.
+
+    Args:
+        energies: energy as a bilinear form of k uniform strains, shape (k, k).
+    """
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
@@ -335,24 +355,45 @@ def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> 
 
 
 def diagonal(comm: MPI.Comm, x: Array) -> float:
-    """Return the diagonal of the box around the points of all ranks, shape (n, dim). Collective."""
+    """Return the diagonal of the bounding box of points on all ranks. Collective.
+
+    Args:
+        comm: communicator.
+        x: points of this rank, shape (n, dim).
+    """
     low, high = bounding_box(comm, x)
     return float(np.linalg.norm(high - low))
 
 
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
-    """Return the lowest and highest coordinates of the points of all ranks. Collective."""
+    """Return the lowest and highest coordinates of points on all ranks. Collective.
+
+    Args:
+        comm: communicator.
+        x: points of this rank, shape (n, dim).
+
+    Returns:
+        Lowest and highest coordinates, shape (dim,) each.
+    """
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
     return -opposite, high
 
 
 def combine(gram: Array, modes: Array) -> Array:
-    """Return the linear combinations of ``modes`` in the null space of a Gram matrix."""
+    """Return the linear combinations of motions in the null space of a Gram matrix.
+
+    Args:
+        gram: Gram matrix, shape (motions, motions).
+        modes: motions, shape (motions, nodes, dim).
+    """
     return np.einsum("ab,bnd->and", loose(gram), modes)
 
 
 def loose(gram: Array) -> Array:
-    """Return the null space of a Gram matrix: eigenvectors with eigenvalues below 1e-14."""
+    """Return an orthonormal basis of the null space of a Gram matrix, one vector per row.
+
+    Eigenvalues below 1e-14 count as zero.
+    """
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
