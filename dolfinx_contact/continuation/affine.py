@@ -41,16 +41,20 @@ def largest(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AffineSystem:
-    """System M w = p + gamma q in which the variables of every point lie in one of its cones.
+    """System M w = p + gamma q in the variables w of contact points, confined to cones.
+
+    Each of the m points has k variables and one polyhedral cone for each of its statuses. There are
+    N = m d equations, where d is the dimension of the subspace of a cone.
 
     Attributes:
-        matrix: M, shape (N, m, k) for m points, N = m d.
-        load: p, shape (N,).
-        rate: q, shape (N,).
-        bases: B, shape (m, statuses, k, d), oriented so that the determinant of each piece has the
-            same sign as the corresponding determinant of the piecewise smooth system.
-        inequalities: C, shape (m, statuses, e, k) with at most e inequalities per cone, padded with
-            zero rows.
+        matrix: coefficients M, shape (N, m, k).
+        load: constant load p, shape (N,).
+        rate: load q for gamma = 1, shape (N,).
+        bases: bases B of the subspaces of the cones, shape (m, statuses, k, d), oriented so that
+            the determinant of each piece has the same sign as the corresponding determinant of the
+            piecewise smooth system.
+        inequalities: coefficients C of the inequalities C w >= 0 of the cones, at most e for each
+            cone, padded with zero rows, shape (m, statuses, e, k).
         classify: function that maps a state outside the cones, shape (m, k), to the statuses of the
             next iteration of Newton's method, shape (m,).
         allowed: mask of the statuses that each point may take, shape (m, statuses).
@@ -66,11 +70,11 @@ class AffineSystem:
 
     @property
     def points(self) -> int:
-        """Number of points."""
+        """Number of contact points of the system."""
         return int(self.bases.shape[0])
 
     def require_finite(self) -> None:
-        """Raise `ValueError` if the matrix or a load is not finite."""
+        """Raise `ValueError` if the coefficients or loads are not finite."""
         if not all(np.isfinite(a).all() for a in (self.matrix, self.load, self.rate)):
             raise ValueError(
                 "the stiffness or the loads of the condensed problem are not finite: look for NaN "
@@ -78,21 +82,24 @@ class AffineSystem:
             )
 
     def of_codes(self, values: Array, codes: Codes) -> Array:
-        """Select the entry of each point for its status.
+        """Return, for each point, the entry of an array that belongs to the status of the point.
 
         Args:
-            values: values for all statuses, shape (m, statuses, ...).
-            codes: statuses of the points, shape (m,).
+            values: entries for all points and statuses, shape (m, statuses, ...).
+            codes: status of each of the m points, shape (m,).
         """
         return np.asarray(values[np.arange(self.points), codes])
 
     def pieced(self, codes: Codes) -> Array:
-        """Return the matrix A = M B of a piece, shape (N, N)."""
+        """Return the matrix M B of the N equations for given statuses, shape (N, N).
+
+        B contains the bases of the cones that belong to the statuses ``codes``.
+        """
         B = self.of_codes(self.bases, codes)
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
     def piece(self, codes: Codes) -> AffinePiece | None:
-        """Return the piece with these statuses; None if its matrix is singular."""
+        """Return the affine piece for given statuses; None if its matrix is nearly singular."""
         A = self.pieced(codes)
         try:
             inverse = np.asarray(np.linalg.inv(A), dtype=float)
@@ -104,7 +111,10 @@ class AffineSystem:
         return AffinePiece(self, codes, inverse, float(np.linalg.slogdet(A)[0]))
 
     def slacks(self, codes: Codes, w: Array) -> Array:
-        """Return C w for the statuses ``codes``, shape (m, e); inf for padded rows."""
+        """Return the values C w of the cone inequalities C w >= 0 for the statuses ``codes``.
+
+        The shape is (m, e) for m points with at most e inequalities each; padded rows are inf.
+        """
         C = self.of_codes(self.inequalities, codes)
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
@@ -123,7 +133,12 @@ class AffineSystem:
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> Mask:
-        """Return a mask of the statuses whose closed cones contain ``w``, shape (m, statuses)."""
+        """Return a mask of the statuses whose closed cones contain a state, shape (m, statuses).
+
+        Args:
+            w: variables of the m points, shape (m, k).
+            tolerance: distance from a cone that counts as zero.
+        """
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
         least = np.einsum("msek,mk->mse", self.inequalities, w).min(axis=2, initial=0.0)
@@ -133,7 +148,7 @@ class AffineSystem:
 
     @cached_property
     def largest_entry(self) -> float:
-        """Largest absolute entry of M."""
+        """Largest absolute entry of the coefficients M."""
         return largest(self.matrix)
 
     @cached_property
@@ -141,10 +156,12 @@ class AffineSystem:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
-        """Return the system M dw = dgamma q of the directions leading out of the state ``w``.
+        """Return the tangent cone at a state: the system of the directions leading out of it.
 
-        A point may take all statuses whose cones contain its variables. Only the inequalities that
-        are active at ``w`` remain.
+        A direction changes the variables by dw and the parameter by dgamma. It satisfies M dw =
+        dgamma q with the coefficients M and the load q of this system. A point may take all
+        statuses whose cones contain its variables. Only the inequalities that are active at ``w``
+        remain.
         """
         slack = np.einsum("msek,mk->mse", self.inequalities, w)
         at_border = np.abs(slack) <= tolerance
@@ -158,7 +175,7 @@ class AffineSystem:
     def solve(self, gamma: float, codes: Codes, *, max_iterations: int = 50) -> Codes | None:
         """Compute the statuses of a solution by Newton's method; None if it cycles or fails.
 
-        If the solution lies on borders of its cones, any of the adjacent statuses may result.
+        If the solution lies on the boundary of cones, any of the adjacent statuses may result.
 
         Args:
             gamma: parameter.
@@ -184,13 +201,13 @@ class AffineSystem:
 
 @dataclass(frozen=True, eq=False)
 class AffinePiece:
-    """Piece of an affine system, on which w = w_0 + gamma w_1.
+    """Affine system with fixed statuses; its solution w_0 + gamma w_1 is affine in gamma.
 
     Attributes:
-        system: system of the piece.
+        system: piecewise affine system, with m points and N equations.
         codes: statuses of the points, shape (m,).
-        inverse: A^{-1} of the matrix A = M B, shape (N, N).
-        sign: sign of det A.
+        inverse: inverse of the matrix M B of the piece (`AffineSystem.pieced`), shape (N, N).
+        sign: sign of the determinant of M B.
     """
 
     system: AffineSystem
@@ -200,7 +217,7 @@ class AffinePiece:
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array]:
-        """Coefficients w_0 and w_1, shape (m, k) each."""
+        """Coefficients w_0 and w_1 of the solution w_0 + gamma w_1, shape (m, k) each."""
         s = self.system
         z = self.inverse @ np.stack([s.load, s.rate], axis=1)
         B = s.of_codes(s.bases, self.codes)
@@ -208,15 +225,20 @@ class AffinePiece:
         return w[:, :, 0], w[:, :, 1]
 
     def at(self, gamma: float) -> Array:
-        """Return the state at ``gamma``, shape (m, k)."""
+        """Return the variables of all points at the parameter ``gamma``, shape (m, k)."""
         w_0, w_1 = self.coefficients
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece in which one point has the status ``code``; None if it is singular.
+        """Return the piece in which one point has another status; None if it is singular.
 
-        The inverse changes by a matrix of rank d (Woodbury), which costs N^2 d operations. If the
-        result is not accurate, the matrix is inverted.
+        The inverse is updated by a matrix whose rank is the number d of coordinates of a point
+        (Woodbury formula), which costs N^2 d operations for N equations. If the result is not
+        accurate, the matrix is inverted.
+
+        Args:
+            point: index of the point.
+            code: new status of the point.
         """
         s = self.system
         codes = self.codes.copy()

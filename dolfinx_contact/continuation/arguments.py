@@ -38,7 +38,7 @@ ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
-    """Return sample values of a range, both ends included, at which data are validated."""
+    """Return equally spaced values of gamma, both ends included, for checks of the data."""
     return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
@@ -49,9 +49,10 @@ def check_system(system: Any) -> None:
 
 
 def require_smooth(system: System) -> None:
-    """Raise ``ValueError`` if H has kinks within its pieces.
+    """Raise ``ValueError`` if the system has kinks where no status changes.
 
-    The statuses do not show such kinks, and the methods assume that H is smooth on every piece.
+    Such kinks are not visible in the statuses. Continuation assumes that H is smooth as long as no
+    status changes.
     """
     if system.kinks:
         raise ValueError(
@@ -63,7 +64,16 @@ def require_smooth(system: System) -> None:
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
-    """Return the valid range of a parameter; raise `ValueError` unless it contains ``starts``."""
+    """Return the two ends of the range of a parameter after validation.
+
+    Args:
+        ends: lowest and highest value.
+        starts: values that must lie in the range.
+        parameter: name of the parameter, for messages.
+
+    Raises:
+        ValueError: if the range is not valid or does not contain ``starts``.
+    """
     name = f"{parameter}_range"
     low, high = (float(end) for end in vector(ends, name, 2))
     if not low < high:
@@ -111,10 +121,10 @@ def check_listeners(
 
     Args:
         observer: observer, or function called with every step.
-        record: record that stores the steps.
-        progress: whether to show a progress bar.
+        record: observer that stores the steps.
+        progress: whether to show a progress line.
         stop: function called with every step.
-        of: required class of the record.
+        of: description of the required class of ``record``, for the message.
     """
     if observer is not None:
         as_observer(observer)
@@ -126,10 +136,10 @@ def check_listeners(
 
 
 def check_rays(rays: Any) -> None:
-    """Raise ``ValueError`` unless ``rays`` is True, False or None.
+    """Raise ``ValueError`` unless the option ``rays`` of a run is True, False or None.
 
-    True computes all rays wherever statuses meet, False only as many rays as needed to continue.
-    None is the default of the caller.
+    The option selects whether all directions in which an evolution can continue are computed, see
+    `QuasiStatic.run` and `ArcLength.run`.
     """
     one_of(rays, "rays", (True, False, None))
 
@@ -142,16 +152,16 @@ def check_steps(control: Any, max_steps: Any) -> None:
 
 
 def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:
-    """Call the user's ``stop``; return its reason to end, or "" to continue. Collective.
+    """Call the user's function ``stop``; return the reason to stop, or "". Collective.
 
     Args:
         comm: communicator.
         what: name of the process, such as "branch", for the message.
-        stop: function of the user, called with the step.
-        step: accepted step, whose state is in the problem.
+        stop: user function, called with the step.
+        step: accepted step; the problem is in the state at its end.
 
     Raises:
-        ValueError: on every rank, if the answer is not a string, or differs between ranks.
+        ValueError: on every rank, if the returned value is not a string, or differs between ranks.
     """
     with everywhere(comm, "stop"):
         answer = stop(step)

@@ -84,7 +84,11 @@ class BifurcationTest:
         return tau
 
     def kernel(self) -> PETSc.Vec:
-        """Return V of the last call, normalised. Where tau vanishes, V spans the kernel of J."""
+        """Return the vector V of the last evaluation of the test function, normalised.
+
+        V and the test function tau solve the system in the docstring of the module. Where tau
+        vanishes, V spans the kernel of J.
+        """
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()
         v.scale(1.0 / self._bordered.length(v))

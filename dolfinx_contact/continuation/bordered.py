@@ -61,7 +61,7 @@ class Bordered(Layout):
         self.solver = Factorised(self, prefix) if P is None else Krylov(self, prefix, P)
 
     def dual(self, y: PETSc.Vec) -> PETSc.Vec:
-        """Create the row vector <y, .>."""
+        """Create the row vector that maps z to the inner product <y, z> with the given vector y."""
         x, gamma = self.split(y)
         self.system.metric(x, self._w)
         if self.x_scale > 0:
@@ -71,11 +71,11 @@ class Bordered(Layout):
         return self.joined(self._w, 0.5 * gamma / self.gamma_scale**2)
 
     def inner(self, y: PETSc.Vec, z: PETSc.Vec) -> float:
-        """Return <y, z>."""
+        """Return the inner product of two vectors (x, gamma), defined in the module."""
         return float(self.dual(y).dot(z))
 
     def length(self, y: PETSc.Vec) -> float:
-        """Return the length of a vector."""
+        """Return the length of a vector (x, gamma), its norm in the inner product of `inner`."""
         return float(np.sqrt(self.inner(y, y)))
 
     def orientation(self, t: PETSc.Vec) -> float:
@@ -87,10 +87,14 @@ class Bordered(Layout):
         return self.solver.determinant_sign() * float(np.sign(self.solver.row.dot(t)))
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set `x_scale` from the first tangent ``t`` at ``y`` that moves x.
+        """Set `x_scale`, the squared unit of x, from the first tangent that moves x.
 
-        x and gamma then contribute equally to the length of ``t``. A motion of x below round-off
-        over the whole scale of gamma does not count.
+        x and gamma then contribute equally to the length of the tangent. Tangents that move x by
+        less than round-off do not count.
+
+        Args:
+            t: tangent.
+            y: point of the tangent.
         """
         if self.x_scale > 0.0:
             return
@@ -104,13 +108,13 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def _square(self, y: PETSc.Vec) -> float:
-        """Return x . M x for the part x of ``y``, with the metric M of the system."""
+        """Return the squared length x . M x of the unknowns x of ``y``, with the metric M."""
         x, _ = self.split(y)
         self.system.metric(x, self._w)
         return float(self._w.dot(x))
 
     def require_scale(self) -> None:
-        """Set `x_scale` to 1 if no tangent has moved x yet."""
+        """Set `x_scale`, the squared unit of x, to 1 if no tangent has moved x yet."""
         if self.x_scale == 0.0:
             self.x_scale = 1.0
             self.x_scale_is_new = True

@@ -34,9 +34,9 @@ class BranchPoint:
     """A point of a branch.
 
     Attributes:
-        y: vector (x, gamma).
+        y: unknowns and parameter, vector (x, gamma).
         tangent: unit tangent in the direction of tracing.
-        piece: piece of H on which the branch continues.
+        piece: piece of H (statuses of all points) on which the branch continues.
         gamma: parameter.
         step: length of the step to this point.
         corrections: Newton iterations of the corrector.
@@ -71,11 +71,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Ray:
-    """An outgoing ray of a nonsmooth point.
+    """Direction in which a branch can leave a state at which statuses change.
 
     Attributes:
-        piece: piece of H.
-        tangent: one-sided unit tangent into the piece.
+        piece: piece of H (statuses of all points) into which the ray leads.
+        tangent: one-sided unit tangent, a vector (x, gamma) that points away from the state.
     """
 
     piece: Piece
@@ -83,7 +83,7 @@ class Ray:
 
 
 def kind_of_kink(meets: bool, turned: bool) -> Kind:
-    """Return the kind of a nonsmooth point.
+    """Return the kind of a point at which statuses change: bifurcation, fold or event.
 
     Args:
         meets: True if other branches meet at the point.
@@ -94,12 +94,12 @@ def kind_of_kink(meets: bool, turned: bool) -> Kind:
 
 @dataclass(frozen=True)
 class FoundRays(Generic[R]):
-    """Outgoing rays of a point, as found by a search.
+    """Result of a search for the rays along which branches leave a point.
 
     Attributes:
         rays: rays in any order: `Ray`, `AffineRay`, or `BranchPoint` (the point with the tangent of
             the ray). A point passed by one smooth branch has two rays, one for each direction.
-        complete: True if the rays are provably complete.
+        complete: True if it is proved that there are no other rays.
         method: description of the search; "" if one smooth branch passes the point.
     """
 
@@ -110,7 +110,7 @@ class FoundRays(Generic[R]):
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """A kink, fold or bifurcation of a branch.
+    """Point of a branch at which a status changes, gamma turns back, or branches meet.
 
     Attributes:
         kind: ``"event"`` if a status changes and gamma continues in its direction, ``"fold"`` if
@@ -121,8 +121,8 @@ class SpecialPoint:
         y: vector (x, gamma); at an event that is not located, the following point of the branch.
         index: index of the following point of the branch.
         changes: changes of status along the branch.
-        parity: sign of the ratio of the determinants of the bordered systems after and before, -1
-            at a simple bifurcation; 0 if it was not evaluated.
+        parity: sign of the ratio of the bordered determinants det [grad H; t^T] (t: unit tangent)
+            after and before the point, -1 at a simple bifurcation; 0 if it was not evaluated.
         others: outgoing rays not taken by the branch.
         complete: True if `others` is provably complete.
         incoming: incoming ray at a bifurcation; its tangent points to the bifurcation.
@@ -147,7 +147,7 @@ class SpecialPoint:
 
     @property
     def located(self) -> bool:
-        """True if `gamma` and `y` are those of the special point, to round-off."""
+        """Whether the point was located to round-off; otherwise `gamma` is only an estimate."""
         return self.bracket is None
 
 
@@ -160,10 +160,10 @@ class Branch(Ends):
         special: events, folds and bifurcations in order.
         ending: kind of the end of the branch.
         reason: description of the end of the branch.
-        factorisations: number of bordered matrices factorised.
-        solves: number of right-hand sides.
-        start_correction: largest change of an unknown by the correction of the start at fixed
-            gamma; for a contact problem a length.
+        factorisations: number of factorisations of bordered matrices.
+        solves: number of linear solves.
+        start_correction: largest change of an unknown when the given start was corrected at fixed
+            gamma. The unknowns of a contact problem are lengths.
     """
 
     points: list[BranchPoint] = field(default_factory=list, repr=False)
@@ -189,7 +189,7 @@ class Branch(Ends):
 
     @property
     def folds(self) -> list[SpecialPoint]:
-        """Smooth and nonsmooth folds."""
+        """Points at which gamma turns back, with or without a change of status."""
         return [s for s in self.special if s.kind == "fold"]
 
     @property
@@ -198,7 +198,7 @@ class Branch(Ends):
         return [s for s in self.special if s.kind == "bifurcation"]
 
     def summary(self) -> dict[str, Any]:
-        """Scalars and lists for `summary.json`."""
+        """Return the numbers and lists that are written to ``summary.json``, by name."""
         return {
             "converged": self.complete,
             "reason": self.reason,
@@ -216,14 +216,14 @@ class Branch(Ends):
 
 @dataclass(eq=False)
 class Node:
-    """Node of a bifurcation diagram: a bifurcation.
+    """Node of a bifurcation diagram: a point at which branches meet.
 
     Attributes:
         point: special point, as computed on the first branch that reached it. At a start of the
             exploration its `incoming` and `onwards` are None, and `others` contains all rays.
         rays: all outgoing rays, including the reverse of the incoming ray.
-        edges: for each ray, index of the branch leaving or arriving along it; None without a
-            branch.
+        edges: index of the branch that leaves or arrives along each ray; None for a ray that has
+            not been traced.
     """
 
     point: SpecialPoint
@@ -238,7 +238,7 @@ class Edge:
     Attributes:
         branch: branch from ``start`` to ``end``.
         start: index of a node; None at a start of the exploration.
-        end: index of a node; None if the branch ends elsewhere, see `Branch.reason`.
+        end: index of a node; None if the branch does not end at a node, see `Branch.reason`.
     """
 
     branch: Branch
@@ -253,12 +253,13 @@ class Diagram(Ends):
     Attributes:
         edges: branches with their nodes.
         nodes: bifurcations.
-        complete: True if all rays of all nodes are known and have been traced to the ends of their
-            branches.
+        complete: True if it is proved that the nodes have no other rays, and all rays have been
+            traced to the ends of their branches.
         ending: kind of the end of the exploration; if branches ended prematurely, the ending of the
             first of them.
         reason: description of the end of the exploration.
-        start_correction: largest correction of a start, see `Branch.start_correction`.
+        start_correction: largest change of an unknown when the starts were corrected at fixed
+            gamma.
     """
 
     edges: list[Edge] = field(default_factory=list, repr=False)
@@ -279,7 +280,7 @@ class Diagram(Ends):
         return [edge.branch for edge in self.edges]
 
     def open_rays(self) -> list[tuple[int, int]]:
-        """Indices (node, ray) of the rays without a branch."""
+        """Return the indices (node, ray) of the rays that have not been traced."""
         return [
             (i, j)
             for i, node in enumerate(self.nodes)
@@ -288,7 +289,10 @@ class Diagram(Ends):
         ]
 
     def summary(self) -> dict[str, Any]:
-        """Scalars and lists for `summary.json`, branches in the order of the edges."""
+        """Return the numbers and lists that are written to ``summary.json``, by name.
+
+        Lists with one entry for each branch have the order of `edges`.
+        """
         return {
             "converged": self.ending is Ending.REACHED,
             "reason": self.reason,

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rays of the tangent cone at a point where pieces of an affine system meet.
+"""Rays of the tangent cone at a point where pieces of an affine system meet.
 
-The outgoing directions (dw, dgamma), called rays, solve M dw = dgamma q with dw in the cones. Two
-methods compute them:
+A ray is a direction in which a solution can leave the point: a change dw of the variables and a
+change dgamma of the parameter. It satisfies M dw = dgamma q, with the coefficients M and the load q
+of the system, and dw lies in the cones of the points. Two methods compute the rays:
 
-- *Enumeration* of the pieces, up to `MOST_PIECES`. The set is complete and includes rays with
-  dgamma = 0, along which gamma is constant.
-- *Unfolding* otherwise. An additional load e, M w = gamma q + e, splits the point into branches
-  without degenerate points; each branch arrives along one ray and leaves along another. The
-  branches are traced by pivoting, from the known rays and from a random state, which defines e.
-  Other random loads connect the rays in different pairs. Unfolding does not prove completeness; the
-  system may provide a proof (`System.prove_rays`).
+- *Enumeration* of all pieces, that is, combinations of statuses, up to `MOST_PIECES`. The set is
+  complete and includes rays with dgamma = 0, along which gamma is constant.
+- *Unfolding* otherwise. With an additional load e, the system M w = gamma q + e has branches
+  without degenerate points, each of which arrives along one ray and leaves along another. The
+  branches are traced by pivoting, starting from the rays found so far and from a random state,
+  which defines e. Different loads e connect different pairs of rays. Unfolding does not prove
+  completeness; the system may provide a proof (`System.prove_rays`).
 """
 
 from __future__ import annotations
@@ -56,12 +57,12 @@ _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 @dataclass(frozen=True, eq=False)
 class AffineRay:
-    """Outgoing ray of an affine system.
+    """Direction in which a solution of an affine system with m points can continue.
 
     Attributes:
-        codes: statuses of the points, shape (m,).
-        direction: direction dw, shape (m, k).
-        rate: rate dgamma: 1, -1 or 0.
+        codes: statuses of the points along the ray, shape (m,).
+        direction: direction dw of the variables, shape (m, k).
+        rate: rate dgamma of the parameter: 1, -1 or 0.
     """
 
     codes: Codes
@@ -84,18 +85,19 @@ class Rays(FoundRays[AffineRay]):
 def neighbours(
     piece: AffinePiece, w: Array, kinked: int, possible: Mask, tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
-    """Return the pieces beyond a vertex at which a single point changes its status.
+    """Return the systems on which a branch can continue after a single point changes status.
 
     Args:
-        piece: piece that reaches the vertex.
-        w: state at the vertex, shape (m, k).
-        kinked: the only point at a border.
+        piece: affine system with the statuses with which the branch arrives.
+        w: state at which it arrives, shape (m, k).
+        kinked: index of the only point whose status can change.
         possible: mask of the statuses whose closed cones contain the variables of this point, shape
             (statuses,).
-        tolerance: distance that counts as zero.
+        tolerance: value of a cone inequality that counts as zero.
 
     Returns:
-        Pieces, each with the direction of gamma, 1 or -1, in which it leads out of the vertex.
+        Affine systems with the new statuses, each with the direction of gamma, 1 or -1, in which
+        the branch continues.
     """
     pieces = []
     for code in np.flatnonzero(possible):
@@ -115,11 +117,11 @@ def neighbours(
 def outgoing(
     cone: AffineSystem, known: Sequence[AffineRay] = (), *, prove: Prove | None = None
 ) -> Rays:
-    """Find the rays of a tangent cone.
+    """Find the rays of a tangent cone: directions in which solutions can continue.
 
     Args:
-        cone: affine system without load, M dw = dgamma q.
-        known: rays that are already known; default: none.
+        cone: tangent cone, an affine system without constant load.
+        known: rays that have already been computed; default: none.
         prove: function that searches for a proof that unfolding has found all rays; default: no
             proof.
 
@@ -147,9 +149,10 @@ def outgoing(
 
 
 def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
-    """Add the rays of a proof to unfolded rays.
+    """Add the rays of a proof to the rays found by unfolding.
 
-    The result is complete if the proof is complete and the existence of all its rays is proved.
+    The result is complete if the proof is complete and the matrices for the statuses of all its
+    rays are regular.
     """
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
@@ -159,7 +162,7 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
 
 
 def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tuple[AffineRay, ...]:
-    """Return the rays that lie in the piece with given statuses or on its border."""
+    """Return the rays whose directions lie in the closed cones of the statuses ``codes``."""
     points = np.arange(cone.points)
     return tuple(
         r
@@ -172,11 +175,18 @@ def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tup
 
 
 def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], list[Codes], str]:
-    """Solve all pieces after eliminating the points that keep their status.
+    """Find the rays for all combinations of statuses.
+
+    Points that can have only one status are eliminated first.
+
+    Args:
+        cone: tangent cone.
+        choices: possible statuses of each point.
 
     Returns:
-        Rays; pieces that contain continua of rays (whose edges are rays of other pieces); and the
-        reason why rays may be missing, "" if the rays are complete.
+        Rays; combinations of statuses with infinitely many rays, of which only the extreme ones,
+        found with other statuses, are returned; and the reason why rays may be missing, "" if the
+        rays are complete.
     """
     m, d, N = cone.points, cone.bases.shape[3], len(cone.rate)
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
@@ -225,7 +235,11 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
 
 
 def _solve_all(A: Array, q: Array) -> tuple[Mask, Array]:
-    """Return a mask of the regular matrices among A_i, and A_i^{-1} q, 0 for singular ones."""
+    """Solve A_i z_i = q for a stack of matrices A_i.
+
+    Returns:
+        Mask of the regular matrices, and the solutions z_i, 0 for singular matrices.
+    """
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -233,7 +247,7 @@ def _solve_all(A: Array, q: Array) -> tuple[Mask, Array]:
 
 
 def _inverses(A: Array) -> Array:
-    """Return A_i^{-1}; infinite where a pivot vanishes."""
+    """Return the inverses of a stack of matrices, with infinite entries for singular ones."""
     try:
         return np.asarray(np.linalg.inv(A))
     except np.linalg.LinAlgError:
@@ -266,14 +280,15 @@ def _senses(
     z: Array,
     rate: float,
 ) -> Iterator[AffineRay]:
-    """Yield the rays inside the cones among a kernel vector and its reverse.
+    """Yield a kernel vector and its reverse as rays, if they lie inside the cones.
 
     Args:
         cone: tangent cone.
         codes: statuses of the points.
-        kinked: indices of the points that may take several statuses.
+        kinked: indices of the points that may take several statuses (kinked points).
         smooth: indices of the eliminated points, which may take one status only.
-        fixed: columns of M B of the eliminated points.
+        fixed: columns of the matrix M B (`AffineSystem.pieced`) that belong to the eliminated
+            points.
         z: coordinates of the kinked points in the bases of their cones.
         rate: component dgamma of the kernel vector.
     """
@@ -299,7 +314,7 @@ def _senses(
 
 
 def _least(slack: Array) -> float:
-    """Return the smallest finite slack of an inequality."""
+    """Return the smallest finite value of the cone inequalities; inf if there is none."""
     return float(np.min(slack[np.isfinite(slack)], initial=np.inf))
 
 
@@ -333,7 +348,10 @@ def _unfold(cone: AffineSystem, known: Sequence[AffineRay], choices: Choices) ->
 def _random_state(
     cone: AffineSystem, choices: Choices, random: np.random.Generator
 ) -> tuple[Codes, Array]:
-    """Return random statuses, and a random state inside their cones."""
+    """Return random statuses and a random state.
+
+    The state lies inside the cones of these statuses, unless no such state is found in 100 trials.
+    """
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
     B = cone.of_codes(cone.bases, codes)
     w: Array = np.zeros(cone.matrix.shape[1:])
@@ -348,7 +366,10 @@ def _random_state(
 
 
 def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
-    """Yield rays with dgamma = 1 and -1, computed by Newton's method from uniform statuses."""
+    """Yield rays that Newton's method finds for increasing and decreasing gamma.
+
+    The initial statuses are the same at all points, where possible.
+    """
     for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
         start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
         codes = cone.solve(gamma, start)
@@ -358,7 +379,11 @@ def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """Return the ray along which the unfolded branch arriving along ``ray`` leaves, or None."""
+    """Trace the branch that arrives along ``ray``, and return the ray along which it leaves.
+
+    The branch is that of the unfolded system, the cone with an additional load. The result is None
+    if gamma is constant along ``ray`` or the branch cannot be traced.
+    """
     if ray.rate == 0:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # moves points of the ray off borders
@@ -367,10 +392,10 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """Trace a branch starting on a piece; return the ray at its far end, or None.
+    """Trace a branch to infinity; return the ray along which it ends, None on failure.
 
     Args:
-        piece: piece of the start.
+        piece: affine system with the statuses at the start.
         gamma: parameter at the start.
         sense: direction of gamma at the start, 1 or -1.
     """
@@ -396,16 +421,16 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
 
 
 def same_direction(a: AffineRay, b: AffineRay) -> bool:
-    """Return True if two rays coincide."""
+    """Return True if two rays have the same direction, including the rate of gamma."""
     unit = np.abs(a.direction).max(initial=1e-300)
     return a.rate == b.rate and bool(np.abs(a.direction - b.direction).max() <= 1e-7 * unit)
 
 
 def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
-    """Return the items without duplicates, in their order.
+    """Return the items without duplicates, in the given order.
 
     Args:
-        items: items.
+        items: sequence that may contain duplicates.
         same: function returning whether two items are equal.
     """
     kept: list[Item] = []

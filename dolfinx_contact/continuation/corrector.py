@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Correctors and tangents of branches.
+"""Correctors and tangents of branches.
 
-A corrector computes a point of the branch from a predicted point. All correctors use a SNES for
-H = 0 and one additional row:
+A corrector computes a point of a branch of H(x, gamma) = 0 from a predicted point. All correctors
+use a SNES for H = 0 and one additional equation:
 
 - *Moore-Penrose* (Ligursky and Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and
   Kuznetsov) corrects orthogonally to a tangent, which is updated using the same factorisation;
@@ -59,14 +59,14 @@ _TO_STEP_ALONG = 1e-4
 
 @dataclass
 class _Matrices:
-    """Bookkeeping of the matrices and chord steps of one run.
+    """Matrices and chord steps (steps with an earlier matrix) of one run of Newton's method.
 
     Attributes:
         from_before: whether the present run still uses the matrix of the previous run.
         reusable: whether further corrections may use the present matrix.
         number: number of matrices assembled in the run.
         chords: number of chord steps since the last matrix.
-        codes: statuses on this rank with which the matrix was assembled; None on a fixed piece.
+        codes: statuses on this rank with which the matrix was assembled; None if they are fixed.
     """
 
     from_before: bool
@@ -76,7 +76,12 @@ class _Matrices:
     codes: Codes | None = None
 
     def begin(self, codes: Codes | None, *, reusable: bool) -> None:
-        """Count a new matrix."""
+        """Record that a new matrix has been assembled.
+
+        Args:
+            codes: statuses with which it was assembled.
+            reusable: whether chord steps may use it.
+        """
         self.from_before = False
         self.reusable = reusable
         self.number += 1
@@ -101,13 +106,13 @@ class _Matrices:
 
 
 class Corrector:
-    """Corrector on a bordered system. Methods are collective.
+    """Correction of predicted points of a branch by Newton's method. Methods are collective.
 
     Args:
         bordered: vectors and linear algebra.
         control: tolerance and largest number of corrections.
-        chords: whether corrections may use chord steps. A path with memory needs pure Newton steps,
-            because round-off decides the order of its events.
+        chords: whether corrections may use chord steps, which reuse a matrix. A path with memory
+            needs pure Newton steps: round-off decides the order of its events.
 
     Attributes:
         snes: SNES of all corrections.
@@ -182,7 +187,10 @@ class Corrector:
         return scales is not None
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
-        """Correct ``y`` in place at fixed gamma; the result has exactly this gamma."""
+        """Correct the unknowns of ``y`` in place at fixed gamma; return False if this fails.
+
+        After a correction, ``y`` has exactly the given gamma.
+        """
         b = self.bordered
         t = b.last_unit(2 * b.gamma_scale**2)  # its dual vector is the unit vector of gamma
         corrected = self.pseudo_arclength(y, b.last_unit(0.0), t, gamma, piece)
@@ -202,14 +210,14 @@ class Corrector:
         factorise: bool = False,
         precise: bool = True,
     ) -> PETSc.Vec | None:
-        """Compute the unit tangent of ``piece`` at ``y``; None if it is not unique.
+        """Compute the unit tangent of a branch at ``y``; None if it is not unique.
 
         The solver keeps the matrix at ``y`` for additional right-hand sides.
 
         Args:
             y: point of the branch.
             towards: direction with which the tangent encloses an angle of at most 90 degrees.
-            piece: piece of H; None for H itself.
+            piece: fixed statuses of all points; None to determine them from the state.
             start: previous point of the branch, at which ``towards`` is the tangent. The parabola
                 through both points provides the initial guess of an iterative solve. Default:
                 ``towards`` is the guess.
@@ -242,10 +250,17 @@ class Corrector:
     def _extrapolated(
         self, y: PETSc.Vec, start: PETSc.Vec | None, t: PETSc.Vec, row: PETSc.Vec
     ) -> PETSc.Vec:
-        """Return the tangent at ``y`` of the parabola from ``start`` along ``t``.
+        """Return an initial guess for the tangent at ``y``, extrapolated along a parabola.
 
-        It is an initial guess for J t = (0, 1), so its product with the last row of J is 1. Without
-        a start, or with a direct solver, the result is ``t``.
+        The parabola leaves ``start`` along ``t`` and passes ``y``. The guess is scaled so that its
+        product with the last row of the matrix is 1. Without a start, or with a direct solver, the
+        result is ``t``.
+
+        Args:
+            y: point of the branch.
+            start: previous point of the branch.
+            t: tangent at ``start``.
+            row: last row of the matrix.
         """
         if start is None or self.bordered.solver.is_direct:
             return t
@@ -260,12 +275,12 @@ class Corrector:
     def _solve(
         self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any
     ) -> ResidualScales | None:
-        """Correct ``y`` in place; return the scales of residuals, None if the correction fails.
+        """Correct ``y`` in place; return the scales of residuals, or None if the correction fails.
 
         Args:
             y: predicted point.
-            t: direction whose dual vector is the last row.
-            piece: piece of H; None for H itself.
+            t: direction; the last row of the matrix is the inner product with it.
+            piece: fixed statuses of all points; None to determine them from the state.
             target: further keyword arguments of `_Run`.
         """
         if self.bordered.comm.size > 1:
@@ -281,7 +296,7 @@ class Corrector:
 
 
 class _Work:
-    """Work vectors of corrections."""
+    """Work vectors of a `Corrector`."""
 
     def __init__(self, bordered: Bordered):
         self.rhs, self.step, self.away = (bordered.vector() for _ in range(3))
@@ -350,7 +365,7 @@ class _Run:
     # -- callbacks of the SNES -------------------------------------------------------------------
 
     def evaluate(self, _snes: PETSc.SNES, y: PETSc.Vec, rhs: PETSc.Vec) -> None:
-        """Write H and the residual of the last row into ``rhs``."""
+        """Write the residuals of H and of the additional equation into ``rhs``."""
         work = self._work
         if self._error is None:
             self._error = self._size(*self._b.split(y), work.hx)
@@ -361,7 +376,7 @@ class _Run:
         self._b.join(work.hx, self._last, rhs)
 
     def test(self, snes: PETSc.SNES, _it: int, _norms: tuple[float, float, float]) -> int:
-        """Return the reason to stop, or 0 to continue."""
+        """Return the reason to end the iteration, a code of the SNES, or 0 to continue."""
         assert self._error is not None
         reasons = PETSc.SNES.ConvergedReason
         tolerance = self._control.tolerance
@@ -417,14 +432,14 @@ class _Run:
         return size
 
     def _is_round_off(self, y: PETSc.Vec) -> bool:
-        """Return True if the residual of the last row is within round-off."""
+        """Return True if the residual of the additional equation is within round-off."""
         scale = 1.0 if self._to is None else max(abs(self._to[1]), 1e-6)
         if abs(self._last) <= 1e-10 * scale:
             return True
         return abs(self._last) <= _ROUND_OFF * abs(self._b.gamma(self._row) * self._b.gamma(y))
 
     def _improve_tangent(self) -> None:
-        """Update the tangent with the factorisation of the last step."""
+        """Update the tangent using the factorisation of the last Newton step."""
         b = self._b
         new = b.vector()
         size = b.length(new) if self._solver.solve(self._e, new) else 0.0
@@ -434,7 +449,7 @@ class _Run:
             self._row = b.dual(self._t)
 
     def _codes_at(self, y: PETSc.Vec) -> Codes | None:
-        """Return the statuses at ``y`` on this rank; None on a fixed piece and if unused."""
+        """Return the statuses at ``y`` on this rank; None if they are fixed or not needed."""
         if self._piece is not None or (self._solver.is_direct and not self._chords):
             return None
         return self._b.piece_at(y).codes
@@ -456,7 +471,12 @@ class _Run:
     # -- iterative solves ------------------------------------------------------------------------
 
     def _accuracy(self, y: PETSc.Vec, changed: float) -> dict[str, Any]:
-        """Return the accuracy of the next linear solve as keyword arguments of `Krylov.solve`."""
+        """Return the required accuracy of the next linear solve, as keywords of `Krylov.solve`.
+
+        Args:
+            y: point before the step.
+            changed: fraction of points whose status has changed.
+        """
         assert self._error is not None
         tolerance = self._control.tolerance
         if self._error <= tolerance:
@@ -467,17 +487,22 @@ class _Run:
         return {"rtol": rtol, "model": (self._rule, partial(self._remainder, y))}
 
     def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
-        """Return the norm of the rows `System.contact_rows` of H at ``y - step``."""
+        """Return the norm of the contact rows of H after a step (`System.contact_rows`).
+
+        Args:
+            y: point before the step.
+            step: vector to be subtracted from ``y``.
+        """
         b = self._b
         self._work.away.waxpy(-1.0, step, y)
         rows = b.system.contact_rows(*b.split(self._work.away), self._piece)
         return 0.0 if rows is None else float(np.sqrt(b.comm.allreduce(float(rows @ rows))))
 
     def _settled(self, y: PETSc.Vec) -> float | None:
-        """Correct a few cheap rows in place (`settle`).
+        """Solve a few cheap rows of H by correcting ``y`` in place (`settle`).
 
         Returns:
-            Relative size of H at ``y`` if H has been evaluated there; otherwise None.
+            Scaled norm of H at ``y`` if H has been evaluated there; otherwise None.
         """
         b, work = self._b, self._work
         x, gamma = b.split(y)

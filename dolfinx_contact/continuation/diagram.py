@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bifurcation diagrams: the graph of all connected branches.
 
-1. From every start, branches are traced in both senses of gamma. Where pieces meet at the start,
-   every outgoing ray is taken; if there are more than two, the start is a node.
+1. From every start, branches are traced in both directions of gamma. If pieces of H meet at the
+   start, every outgoing ray is traced; with more than two rays, the start is a node.
 2. A branch ends at its first bifurcation, which becomes a node with all of its rays. A branch that
    arrives at an existing node occupies the ray of its arrival, so that no branch is traced twice.
 3. Where the range of gamma ends at a kink, rays leading back into the range are traced as well.
@@ -93,15 +93,16 @@ def explore(
     The data of the system (Functions, statuses and gamma of a contact problem) are restored.
 
     Args:
-        system: H with its pieces.
+        system: piecewise smooth system H(x, gamma) = 0.
         starts: approximate solutions x with their gamma, inside the range. They are corrected at
             fixed gamma; `Diagram.start_correction` reports the largest change.
         gamma_range: range of gamma, at whose ends branches end.
         control: step lengths and other parameters.
         max_steps: largest number of steps of a branch.
         max_branches: largest number of branches in the diagram.
-        route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
-            corrector; ``"auto"`` by pivoting where possible.
+        route: ``"pivoting"`` traces systems that are affine for fixed statuses from one change of
+            status to the next; ``"steps"`` uses predictor and corrector; ``"auto"`` (default) uses
+            pivoting where possible.
         stop: function of every accepted step returning the reason to end the branch there, or ""
             to continue. A stopped branch leaves the diagram incomplete.
         observer: function of every step of all branches, or an `Observer`. `BranchStep.branch` is
@@ -112,7 +113,8 @@ def explore(
             some seconds.
 
     Returns:
-        The diagram; it is partial if a budget is exhausted, which `Diagram.reason` then names.
+        Diagram. It is partial if the budget of steps or branches is exhausted; `Diagram.reason`
+        then states which.
 
     Raises:
         ValueError: on every rank, if an argument is invalid or differs between ranks, or no
@@ -196,7 +198,7 @@ class _Explorer:
     # -- branches --------------------------------------------------------------------------------
 
     def _depart(self, x: PETSc.Vec, gamma: float) -> None:
-        """Queue the rays of a start that stay in the range of gamma.
+        """Queue the outgoing rays of a start along which gamma stays in its range.
 
         A start with more than two rays becomes a node instead.
         """
@@ -230,7 +232,7 @@ class _Explorer:
         self._add(Edge(branch, i, None))
 
     def _follow(self, point: BranchPoint, start: int | None) -> None:
-        """Trace a branch from a point to its first bifurcation or its end."""
+        """Trace a branch from a point to the first bifurcation or to the end of the branch."""
         number = len(self.diagram.edges)
         branch = self.follower.run(
             point,
@@ -271,7 +273,7 @@ class _Explorer:
     def _at_the_end(self, point: BranchPoint, start: int | None, number: int) -> int | None:
         """Return the node at which branch ``number`` left the range of gamma; None without a node.
 
-        If pieces meet there, further rays may lead back into the range.
+        If a status can change there, further rays may lead back into the range.
         """
         outgoing = self.follower.rays_at(point)
         if outgoing is None:
@@ -320,7 +322,13 @@ class _Explorer:
         return self._new_node(special, rays)
 
     def _new_node(self, special: SpecialPoint, rays: list[Ray], incoming: int | None = None) -> int:
-        """Add a node; an incoming branch, if given, occupies its first ray."""
+        """Add a node and return its index.
+
+        Args:
+            special: bifurcation.
+            rays: outgoing rays of the bifurcation.
+            incoming: index of the branch that arrived along the first ray; None at a start.
+        """
         edges: list[int | None] = [incoming, *[None] * (len(rays) - 1)]
         self.diagram.nodes.append(Node(special, rays, edges))
         return len(self.diagram.nodes) - 1
@@ -362,7 +370,7 @@ class _Explorer:
     # -- comparisons -----------------------------------------------------------------------------
 
     def _is_traced(self, point: BranchPoint) -> bool:
-        """Return True if a branch passes the point or leaves it along the same ray."""
+        """Return True if a traced branch passes the point, or has an end there on the same ray."""
         for branch in self.diagram.branches:
             if not branch.points:
                 continue
@@ -393,7 +401,7 @@ class _Explorer:
         return self.bordered.length(y - other) <= _SAME
 
     def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
-        """Return True if two tangents have the same direction in the current metric."""
+        """Return True if two tangents have the same direction, up to a tolerance."""
         length = self.bordered.length
         away = t / length(t) - other / length(other)
         return length(away) <= _SAME_RAY

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Direct solver for the bordered matrix, by default MUMPS.
+"""Direct solver for the bordered matrix, by default MUMPS.
 
-A factorisation of A_0 is reused for later matrices A_1. If points change their status, or the
-border row changes, A_1 differs from A_0 by D in a few rows E. If the state changes, the column of
-gamma also differs by c outside these rows. With U = (E, c), V^T = (D, e^T), the unit vector e of
-gamma, and W = A_0^{-1} U,
+The factorisation of a bordered matrix A_0 is reused for later bordered matrices A_1. If points
+change their status, or the last row changes, A_1 differs from A_0 by D in a few rows, selected by
+the unit vectors E. If the state changes, the last column also differs, by c outside these rows.
+With U = (E, c), V^T = (D, e^T), the last unit vector e, and W = A_0^{-1} U,
 
     A_1^{-1} = A_0^{-1} - W S^{-1} V^T A_0^{-1},    det A_1 = det A_0 det S,    S = I + V^T W
 
 (Sherman, Morrison and Woodbury; W. W. Hager, SIAM Rev. 31, 1989). Each column of W costs one solve
-with A_0. The columns A_0^{-1} E are kept for later matrices. If there are many unknowns, A_0 also
-serves matrices differing slightly everywhere. In both cases GMRES reduces the residual to
+with A_0. The columns A_0^{-1} E are kept for later matrices. If there are many unknowns, A_0 is
+also used for matrices that differ slightly in all rows. In both cases GMRES reduces the residual to
 round-off. If it needs many iterations, or the matrix differs too much, the matrix is factorised.
 """
 
@@ -44,7 +44,9 @@ _WORN = 20  # number of GMRES iterations above which the next matrix is factoris
 
 
 class BorderedMatrix:
-    """Assembled matrix [A c; w^T s]. Methods are collective.
+    """Assembled matrix [A c; w^T s]: a square matrix A with one more row and column.
+
+    Methods are collective.
 
     Args:
         layout: layout of vectors (x, gamma).
@@ -66,7 +68,13 @@ class BorderedMatrix:
         self.matrix = PETSc.Mat()
 
     def assemble(self, A: PETSc.Mat, c: PETSc.Vec, row: PETSc.Vec) -> None:
-        """Assemble the matrix from A, the column c and the last row (w, s)."""
+        """Assemble the bordered matrix.
+
+        Args:
+            A: square block, derivative with respect to x.
+            c: last column, derivative with respect to gamma.
+            row: last row (w, s).
+        """
         layout = self._layout
         comm = layout.comm
         column, border, corner = self._blocks
@@ -84,13 +92,15 @@ class BorderedMatrix:
 
 
 class _RowUpdate:
-    """Solver for A_1 using the factorisation of A_0. Methods are collective.
+    """Solver for a matrix A_1 that differs in a few rows from a factorised matrix A_0.
+
+    The notation is that of the module. Methods are collective.
 
     Args:
         factor: factorisation of A_0.
 
     Attributes:
-        solves: number of solves with A_0 for columns of W.
+        solves: number of solves with A_0 for the low-rank update (columns of W).
         changed: number of rows in which the last matrix passed to `take` differs from A_0.
     """
 
@@ -104,15 +114,15 @@ class _RowUpdate:
         self.solves = self.changed = 0
 
     def begin(self, matrix: PETSc.Mat) -> None:
-        """Store ``matrix``, which has just been factorised, as A_0."""
+        """Store ``matrix``, which has just been factorised, as the matrix to be updated."""
         self._base = matrix.getValuesCSR()[2]
         self._columns = {}
         self._forget()
 
     def take(self, matrix: PETSc.Mat, most: int) -> bool:
-        """Prepare solves with ``matrix`` as A_1.
+        """Prepare solves with a matrix that differs from the factorised matrix in a few rows.
 
-        Returns False if more than ``most`` rows differ from A_0 or S is nearly singular.
+        Return False if more than ``most`` rows differ or the update is nearly singular.
         """
         self._forget()
         # rows that differ outside the column of gamma
@@ -168,7 +178,7 @@ class _RowUpdate:
         return np.flatnonzero(~(changes <= _SAME_ROW * (sizes + changes)))
 
     def _column(self, like: PETSc.Mat, row: int) -> PETSc.Vec:
-        """Return A_0^{-1} times the unit vector of a row."""
+        """Return the solution with the factorised matrix for the unit vector of a row."""
         if row not in self._columns:
             start, end = like.getOwnershipRange()
             local = [row - start] if start <= row < end else []
@@ -176,12 +186,12 @@ class _RowUpdate:
         return self._columns[row]
 
     def _solved(self, like: PETSc.Mat, rows: Any, values: Any) -> PETSc.Vec:
-        """Return A_0^{-1} times the vector with given local entries.
+        """Return the solution with the factorised matrix for the given right-hand side.
 
         Args:
-            like: vector with the required layout.
-            rows: local rows of the entries.
-            values: entries.
+            like: matrix with the required layout of vectors.
+            rows: local rows of the nonzero entries of the right-hand side.
+            values: nonzero entries.
         """
         load, w = like.createVecs()
         load.array[rows] = values
@@ -190,9 +200,9 @@ class _RowUpdate:
         return w
 
     def _products(self, vectors: list[PETSc.Vec]) -> Array:
-        """Return V^T times the vectors on every rank.
+        """Return the products of the k rows V^T of the low-rank update with vectors, on every rank.
 
-        Shape (k, number of vectors), with the k columns of V.
+        The shape is (k, number of vectors).
         """
         V = self._V
         assert V is not None
@@ -204,7 +214,10 @@ class _RowUpdate:
         return np.concatenate(V.comm.tompi4py().allgather(local))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with A_1, or with A_0 before an update; return False if that fails."""
+        """Solve with the updated matrix; return False if this fails.
+
+        Before an update the factorised matrix itself is used.
+        """
         solved = self._factor.solve(b, x)
         if solved and self._W:
             x.maxpy(-np.linalg.solve(self._S, self._products([x])[:, 0]), self._W)
@@ -217,21 +230,21 @@ class _RowUpdate:
 
     @property
     def determinant_sign(self) -> float:
-        """Sign of det A_1."""
+        """Sign of the determinant of the updated matrix."""
         return self._factor.determinant_sign * float(np.sign(np.linalg.det(self._S)))
 
     def _forget(self) -> None:
-        """Discard the update and use only A_0."""
+        """Discard the low-rank update, so that solves use the factorised matrix itself."""
         self._V = None
         self._W = []
         self._S = np.eye(0)
 
 
 class Factorised:
-    """Solves with J by a factorisation; see `Bordered.solver` for the interface.
+    """Solves with the bordered matrix J by a factorisation; see `Bordered.solver`.
 
     Args:
-        layout: layout of vectors y.
+        layout: layout of vectors y = (x, gamma).
         prefix: prefix of PETSc options.
     """
 
@@ -267,7 +280,7 @@ class Factorised:
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """Matrix J, without entries before the first assembly."""
+        """Bordered matrix J, without entries before the first assembly."""
         return self._bordered.matrix
 
     @property
@@ -278,7 +291,14 @@ class Factorised:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Assemble J at ``y`` for the following solves."""
+        """Assemble the bordered matrix J for the following solves.
+
+        Args:
+            y: point (x, gamma).
+            row: last row of J.
+            piece: fixed statuses of all points; None to determine them from the state.
+            along: approximate tangent, which only iterative solvers use (`krylov`); ignored.
+        """
         system = self._layout.system
         x, gamma = self._layout.split(y)
         system.jacobian(x, gamma, piece)
@@ -290,7 +310,7 @@ class Factorised:
         self._is_updated = None
 
     def prepare(self) -> bool:
-        """Prepare for solves; return False if J is singular."""
+        """Prepare for solves with the bordered matrix; return False if it is singular."""
         return self._is_current or self._has_few_changes() or self._factorise()
 
     def _factorise(self) -> bool:
@@ -305,7 +325,7 @@ class Factorised:
         return self._is_current
 
     def _has_few_changes(self) -> bool:
-        """Return True if the low-rank update of the factorisation applies to the matrix."""
+        """Return True if solves can use a low-rank update of the last factorisation."""
         if self._is_updated is None:
             same_state = self._at.equal(self._base_at)
             tried = self._serves and (same_state or not self._changes_everywhere)
@@ -316,7 +336,10 @@ class Factorised:
         return self._is_updated
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec, **_: Any) -> bool:
-        """Solve with J; return False on failure. Keywords for iterative solvers are ignored."""
+        """Solve with the bordered matrix; return False on failure.
+
+        Keywords for iterative solvers are ignored.
+        """
         if not self._is_current:
             reused = self._serves and (self._has_few_changes() or self._is_large)
             if reused and self._solve_by_gmres(rhs, out):
@@ -337,7 +360,10 @@ class Factorised:
         return bool(self._gmres.getConvergedReason() > 0 and np.isfinite(out.norm()))
 
     def determinant_sign(self) -> float:
-        """Return the sign of det J up to a constant factor; 0 if J is singular."""
+        """Return the sign of the determinant of the bordered matrix, up to a constant factor.
+
+        The result is 0 if the matrix is singular.
+        """
         if not self._is_current and self._has_few_changes():
             return self._update.determinant_sign
         return self.factor.determinant_sign if self._is_current or self._factorise() else 0.0

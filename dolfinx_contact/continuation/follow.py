@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Branches of H(x, gamma) = 0 through kinks and folds.
+"""Tracing of solution branches of H(x, gamma) = 0 through kinks and folds.
 
-Affine pieces are traversed from vertex to vertex (`pivoting.py`), other pieces by predictor and
-corrector (`steps.py`).
+Branches of systems with affine pieces are traced from vertex to vertex (`pivoting.py`), all others
+by predictor and corrector (`steps.py`).
 """
 
 from __future__ import annotations
@@ -129,9 +129,9 @@ def follow(
         Points, special points, and the reason for the end of the branch.
 
     Raises:
-        ValueError: on every rank, if an argument is invalid or differs between ranks, if gamma does
-            not appear in H or leaves its range immediately, if no solution is found near the start,
-            or if H has kinks within its pieces.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, if H does not
+            depend on gamma, if gamma leaves its range immediately, if no solution is found near the
+            start, or if H has kinks within its pieces.
     """
     check_states(system, [x], "x")
     low, high = gamma_range
@@ -167,17 +167,18 @@ def follower_for(
     """Return the object that traces branches of a system. Collective.
 
     Args:
-        system: H with its pieces.
+        system: piecewise smooth system H(x, gamma) = 0.
         x: state at ``gamma``.
         gamma: parameter.
         control: step lengths of predictor and corrector.
-        gamma_scale: size of gamma that counts as 1.
-        route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
-            corrector; ``"auto"`` by pivoting where possible.
+        gamma_scale: unit of gamma in the lengths of steps.
+        route: ``"pivoting"`` traces systems that are affine for fixed statuses from one change of
+            status to the next; ``"steps"`` uses predictor and corrector; ``"auto"`` (default) uses
+            pivoting where possible.
 
     Raises:
-        ValueError: if pivoting is requested for pieces that are not affine, the scale of gamma is
-            not positive, or H has kinks within its pieces.
+        ValueError: if pivoting is requested for a system that is not affine for fixed statuses, the
+            scale of gamma is not positive, or H has kinks where no status changes.
     """
     require_smooth(system)
     positive(gamma_scale, "gamma_scale")
@@ -195,11 +196,11 @@ class Follower(Tracer):
     """Predictor-corrector tracing of the branches of one system. All methods are collective.
 
     Args:
-        system: system H.
+        system: piecewise smooth system H(x, gamma) = 0.
         control: step lengths, and the policy for kinks.
-        gamma_scale: size of gamma that counts as 1.
-        locate: function selecting changes of status to be located by batched steps, in addition
-            to folds and changes of parity; default: none.
+        gamma_scale: unit of gamma in the lengths of steps.
+        locate: function of a `Change` that returns True if batched steps must locate it, in
+            addition to folds and points where the sign of the determinant changes; default: none.
     """
 
     def __init__(
@@ -239,11 +240,11 @@ class Follower(Tracer):
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y)))
 
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
-        """Return the piece on which a branch leaves ``y``.
+        """Return the piece of H (statuses of all points) on which a branch leaves a point.
 
-        If borders of pieces come into existence exactly at this gamma, as with friction that grows
-        from zero, several pieces meet without an event. Then the piece just beyond this gamma is
-        used.
+        It is the piece determined by the state. However, if another change of status becomes
+        possible just beyond the present gamma, as with a friction coefficient that grows from zero,
+        the piece just beyond this gamma is used.
 
         Args:
             y: point (x, gamma).
@@ -256,7 +257,12 @@ class Follower(Tracer):
         return self.system.piece_at(x, beyond) if self.bordered.anywhere(then > now) else piece
 
     def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
-        """Raise ``ValueError`` if gamma does not appear in H near a state."""
+        """Raise ``ValueError`` if H does not depend on gamma near a state.
+
+        Args:
+            y: point (x, gamma) of the state.
+            piece: piece of H at the state; it is sufficient that its borders depend on gamma.
+        """
         system = self.system
         x, gamma = self.bordered.split(y)
         c = system.create_vector()
@@ -289,7 +295,7 @@ class Follower(Tracer):
         return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
 
     def _finder(self, point: BranchPoint) -> KinkRayFinder:
-        """Return the search for rays at the start or end of a branch."""
+        """Return the search for outgoing rays at a point where a branch starts or ends."""
         b = self.bordered
         events, rates = b.events_along(point.y, point.piece, point.tangent)
         # at a start without load all distances vanish, but the rates do not
@@ -297,11 +303,14 @@ class Follower(Tracer):
         return KinkRayFinder(self.corrector, point.y, point.piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """Return a point from which to trace one of the other rays of a special point.
+        """Return a point from which to trace a ray that a branch has not taken.
 
-        The point lies at a small distance along the ray. If the piece of the ray ends closer than
-        this distance, the nonsmooth point itself is returned, at which the tangent of the ray is
-        exact.
+        The point lies at a small distance along the ray. If a status changes within this distance,
+        the nonsmooth point itself is returned, at which the tangent of the ray is exact.
+
+        Args:
+            special: nonsmooth point or bifurcation from which the ray leads.
+            ray: ray to be traced.
 
         Raises:
             ValueError: if no solution is found there.
@@ -383,10 +392,10 @@ class Follower(Tracer):
     def _beyond_kink(
         self, point: BranchPoint, gamma_range: tuple[float, float]
     ) -> BranchPoint | None:
-        """Return the point just beyond a kink of the data in gamma; None if the branch ends there.
+        """Return the point just beyond a gamma at which the data have a kink.
 
-        The branch continues if the statuses are the same and the distance is not larger than
-        expected from the tangents on both sides.
+        None if the branch ends there. The branch continues if the statuses are the same on both
+        sides, and the distance between the points is not larger than expected from the tangents.
         """
         b = self.bordered
         slope = b.gamma(point.tangent)
@@ -416,7 +425,10 @@ class Follower(Tracer):
         return None
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
-        """Return True if a step from ``point`` to ``new`` passes ``start`` along its tangent."""
+        """Return True if the step from ``point`` to ``new`` returns to the start of the branch.
+
+        The step must pass the start in the direction of its tangent.
+        """
         b = self.bordered
         if point is start or not b.is_same_piece(start.piece, point.piece):
             return False
@@ -479,7 +491,7 @@ def points_at(
     control: StepControl | None = None,
     route: Route = "auto",
 ) -> list[BranchPoint]:
-    """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
+    """Return the points of a branch at which the parameter is ``gamma``, in order. Collective.
 
     The data of the system are restored. If the branch was traced by predictor-corrector steps,
     points between a bifurcation and the first point of a branch leaving it, which is close to the
@@ -519,8 +531,8 @@ def points_at(
 def require_solutions(system: System, branch: Branch) -> None:
     """Raise ``ValueError`` if a branch does not solve the present system. Collective.
 
-    The residual of H itself is evaluated. The residual of the recorded piece may vanish even if the
-    friction coefficient has changed.
+    The residual is evaluated with recomputed statuses. With the recorded statuses it may vanish
+    even if the friction coefficient has changed.
     """
     layout = Layout(system)
     b = system.create_vector()

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Krylov method for the bordered matrix, for systems that are too large to factorise.
+"""Krylov method for the bordered matrix, for systems that are too large to factorise.
 
-Let P^-1 be an approximate inverse of A = H_x, c = H_gamma, v an approximation of A^-1 c, and
-s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
+The matrix is J = [A c; w^T w_gamma] with the derivatives A = H_x and c = H_gamma of the system H(x,
+gamma) = 0 and the last row (w, w_gamma). Let P^-1 be an approximate inverse of A, v an
+approximation of A^-1 c, and s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
 
     x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
 
-is the exact inverse of [P P v; w^T w_gamma] and preconditions J. Each application costs one P^-1.
-The first application satisfies the last row of J exactly; the subsequent iterations omit this row.
+is the exact inverse of [P P v; w^T w_gamma] and preconditions J. Each elimination applies P^-1
+once. The first one satisfies the last row of J exactly; the subsequent iterations omit this row.
 
 If (t_x, t_gamma) approximates the tangent of the branch, v = -t_x / t_gamma is used if A v - c is
-small, corrected in the rows in which P is exact. Otherwise, as near folds, v = P^-1 c costs one
-more P^-1. At folds the elimination is regular although A is not.
+small, corrected in the rows in which P is exact. Otherwise, as near folds, v = P^-1 c applies P^-1
+once more. At folds the elimination is regular although A is not.
 
-The sign of det J comes with a solve whose right-hand side has components along all eigenvectors.
-With the number n of negative real Ritz values of the preconditioned matrix
+The sign of det J is a by-product of a solve whose right-hand side has components along all
+eigenvectors. With the number n of negative real Ritz values of the preconditioned matrix
 
     sign det J = sign det P  sign s  (-1)^n.
 
@@ -59,12 +60,12 @@ ModelTest: TypeAlias = tuple[Forcing, Callable[[PETSc.Vec], float]]
 
 
 class Krylov:
-    """Solves with J by a preconditioned Krylov method; see `Bordered.solver` for the interface.
+    """Solves with the bordered matrix J by a preconditioned Krylov method; see `Bordered.solver`.
 
     Args:
-        layout: layout of vectors y.
+        layout: layout of vectors y = (x, gamma).
         prefix: prefix of PETSc options.
-        preconditioner: preconditioner of H_x.
+        preconditioner: approximate inverse of the derivative H_x of the system.
     """
 
     row: PETSc.Vec
@@ -106,13 +107,13 @@ class Krylov:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Set J at ``y`` for the following solves.
+        """Set the bordered matrix J for the following solves.
 
         Args:
             y: point (x, gamma).
             row: last row of J.
-            piece: piece of H; None for H itself.
-            along: approximate tangent.
+            piece: fixed statuses of all points; None to determine them from the state.
+            along: approximate tangent; default: unknown.
         """
         layout = self._layout
         x, gamma = layout.split(y)
@@ -158,7 +159,12 @@ class Krylov:
         self.solves += 1
 
     def apply(self, _pc: PETSc.PC | None, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the block elimination to b = (f, g); also called by PETSc."""
+        """Apply the preconditioner, a block elimination, to ``b``; also called by PETSc.
+
+        Args:
+            b: right-hand side.
+            y: vector (x, gamma) that receives the result.
+        """
         f, g = self._layout.split(b)
         self._apply(f, self._x)
         gamma = (g - float(self._w.dot(self._x))) / self._s
@@ -166,7 +172,7 @@ class Krylov:
         self._layout.join(self._x, gamma, y)
 
     def mult(self, _mat: PETSc.Mat | None, y: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Multiply by J with its last row set to 0; also called by PETSc."""
+        """Multiply by the bordered matrix with its last row set to 0; also called by PETSc."""
         x, gamma = self._layout.split(y)
         self._layout.system.matrix.mult(x, self._f)
         self._f.axpy(gamma, self._c)
@@ -175,7 +181,7 @@ class Krylov:
     # -- solves ----------------------------------------------------------------------------------
 
     def prepare(self) -> bool:
-        """Return True if J is regular."""
+        """Return True if the preconditioner of the bordered matrix could be set up."""
         return self._regular
 
     def solve(
@@ -187,14 +193,15 @@ class Krylov:
         near: PETSc.Vec | None = None,
         model: ModelTest | None = None,
     ) -> bool:
-        """Solve a linear system with J; return whether it succeeded.
+        """Solve a linear system with the bordered matrix; return whether this succeeded.
 
         Args:
             rhs: right-hand side.
             out: receives the solution.
             rtol: sufficient relative residual.
             near: initial guess; default: the result of the block elimination.
-            model: test that may end the solve earlier; default: none.
+            model: pair of a `Forcing` rule and a function that returns the nonlinear residual after
+                a step; with them a solve may end earlier. Default: none.
         """
         if not self._regular:
             return False
@@ -240,7 +247,10 @@ class Krylov:
         return bool(np.isfinite(out.norm()))
 
     def _test(self, ksp: PETSc.KSP, _iteration: int, norm: float) -> int:
-        """Convergence test called by PETSc. Collective."""
+        """End the iteration if the residual of the nonlinear rows is small; called by PETSc.
+
+        Collective.
+        """
         if self._asked is None:
             return 0
         (forcing, remainder), size, start = self._asked
@@ -254,7 +264,7 @@ class Krylov:
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         """Solve with a right-hand side that has components along all eigenvectors.
 
-        The sign of det J is determined from this solve.
+        The sign of the determinant of the bordered matrix is determined from this solve.
         """
         before = self.solves
         if not self.solve(rhs, out, rtol=min(_SIGN, _BELOW / float(np.sqrt(self._layout.size)))):
@@ -266,7 +276,10 @@ class Krylov:
         return True
 
     def determinant_sign(self) -> float:
-        """Return the sign of det J up to a constant factor; 0 if J is singular."""
+        """Return the sign of the determinant of the bordered matrix, up to a constant factor.
+
+        The result is 0 if the matrix is singular.
+        """
         if self._sign is None:
             self._sign = 0.0
             probe = self._layout.joined(self._layout.system.probe(0), 0.0)

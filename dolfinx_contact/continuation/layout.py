@@ -42,7 +42,7 @@ class Layout:
         self.local, self.size = self.x.getLocalSize(), self.x.getSize()
 
     def vector(self) -> PETSc.Vec:
-        """Create a vector y."""
+        """Create a vector y = (x, gamma)."""
         return PETSc.Vec().createMPI((self.local + int(self.last), self.size + 1), comm=self.comm)
 
     def gamma(self, y: PETSc.Vec) -> float:
@@ -74,21 +74,27 @@ class Layout:
         return moved
 
     def events(self, y: PETSc.Vec, piece: Piece) -> Events:
-        """Return the distances to the borders of a piece."""
+        """Return the distances of ``y`` to the borders of a piece.
+
+        At a border, a point changes its status.
+        """
         return self.system.events(*self.split(y), piece)
 
     def events_along(self, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:
-        """Return the distances to the borders of a piece, and their rates along ``t``."""
+        """Return the distances of ``y`` to the borders of a piece, and their derivatives.
+
+        At a border, a point changes its status. The derivatives are those along ``t``.
+        """
         events = self.events(y, piece)
         ahead = matched_distances(events, self.events(self.moved(y, PROBE, t), piece))
         return events, np.asarray((ahead - events.distance) / PROBE, dtype=np.float64)
 
     def piece_at(self, y: PETSc.Vec) -> Piece:
-        """Return the piece determined by ``y``."""
+        """Return the piece of H, i.e. the statuses of all points, determined by ``y``."""
         return self.system.piece_at(*self.split(y))
 
     def last_unit(self, gamma: float = 1.0) -> PETSc.Vec:
-        """Create the vector (0, gamma); the right-hand side for tangents is (0, 1)."""
+        """Create the vector (0, gamma), whose only nonzero entry is the last one."""
         e = self.vector()
         e.set(0.0)
         if self.last:
@@ -110,5 +116,5 @@ class Layout:
         return minimum(self.comm, values, np.inf)
 
     def is_same_piece(self, a: Piece, c: Piece) -> bool:
-        """Return True if two pieces have the same statuses on all ranks."""
+        """Return True if two pieces, each a choice of statuses, are the same on all ranks."""
         return not self.anywhere(not np.array_equal(a.codes, c.codes))

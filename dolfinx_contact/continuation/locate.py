@@ -37,9 +37,10 @@ class _End(Generic[V]):
     """End of a bracket.
 
     Attributes:
-        s: distance from the start of the step along its tangent.
-        y: state.
-        value: value of the function, or distances to borders, at this end.
+        s: distance from the start of the step, measured along the tangent at the start.
+        y: state (x, gamma).
+        value: value of the function whose zero is located, or distances to the borders of a piece,
+            at this end.
         weight: factor of ``value`` in the next secant step.
         stayed: True if the last step moved the other end.
     """
@@ -52,9 +53,10 @@ class _End(Generic[V]):
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket that remains after a trial point.
+    """Return the ends of the bracket that remains after a trial point.
 
-    The point ``new`` lies before the zero or, with ``beyond``, after it.
+    The trial point ``new`` replaces the end ``high`` if it lies beyond the zero (``beyond``),
+    otherwise the end ``low``.
     """
     staying = low if beyond else high
     staying.weight /= 2 if staying.stayed else 1
@@ -70,7 +72,8 @@ class Locator:
 
     Attributes:
         test: test function of smooth bifurcations.
-        largest_distance: largest distance to a border so far, the unit of distances.
+        largest_distance: largest distance of a state to a change of status (`Events.distance`) so
+            far; unit of these distances.
     """
 
     def __init__(self, corrector: Corrector):
@@ -83,27 +86,32 @@ class Locator:
     # -- events ----------------------------------------------------------------------------------
 
     def unit(self, events: Events) -> float:
-        """Return the largest distance to a border so far, the unit of distances.
+        """Return the largest distance of a state to a change of status so far.
 
-        The present distances are not sufficient: all of them may vanish.
+        It serves as the unit of such distances. The present distances are not sufficient: all of
+        them may vanish.
 
         Args:
-            events: distances to the borders at the present point.
+            events: distances at the present point.
         """
         largest = self.bordered.largest(events.distance)
         self.largest_distance = max(self.largest_distance, largest)
         return self.largest_distance or 1.0
 
     def is_outside(self, point: BranchPoint) -> bool:
-        """Return True if a point lies beyond a border of its piece by more than round-off."""
+        """Return True if the status of a contact point is wrong by more than round-off.
+
+        This is the case if a distance to a change of status (`Events.distance`) is negative.
+        """
         events = self.bordered.events(point.y, point.piece)
         return self.bordered.least(events.distance) < -AT_BORDER * self.unit(events)
 
     def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
-        """Locate the first event between two points of a piece.
+        """Locate the first change of status between a point and a state; None if this fails.
 
-        The next trial point is the first zero of the linear interpolation of all distances. An
-        event that exists only at the far end is located by bisection.
+        The next trial point is the first zero of the linear interpolations of all distances to
+        changes of status (`Events.distance`). A change whose distance is defined only at the far
+        end is located by bisection.
         """
         b = self.bordered
         piece = point.piece
@@ -146,14 +154,15 @@ class Locator:
         *,
         piece: Piece | None,
     ) -> Place | None:
-        """Locate a zero of a function between two points.
+        """Locate a zero of a function between two points; None if this fails.
 
         Args:
             point: point at the beginning of the bracket.
             y_high: state at the end of the bracket.
             values: values of the function at both ends of the bracket.
-            function: function of y and the tangent, called after J has been factorised there.
-            piece: piece of the branch in between; None for H itself.
+            function: function of a state and its tangent, called after the bordered matrix has been
+                assembled there.
+            piece: fixed statuses of all points; None to determine them from the state.
         """
         b = self.bordered
         low, high, reach = self._bracket(point, y_high, values)
@@ -193,17 +202,19 @@ class Locator:
         polish: bool = False,
         keep: bool = False,
     ) -> bool:
-        """Correct ``y`` at the distance ``s``; False if it fails or leaves the neighbourhood.
+        """Correct a trial state at a given distance; return False if this fails.
+
+        The result is also False if the corrected state lies too far from the tangent.
 
         Args:
             point: point at the beginning of the bracket.
             y: trial state, corrected in place.
             s: distance from the point along its tangent.
-            piece: piece of the branch; None for H itself.
+            piece: fixed statuses of all points; None to determine them from the state.
             reach: largest admissible distance of the result from the tangent.
             polish: whether to add a correction after the tolerance has been reached.
             keep: whether to start with the matrix of the previous correction, which must have used
-                the same tangent and piece.
+                the same tangent and statuses.
         """
         t = point.tangent
         if not self.corrector.pseudo_arclength(y, point.y, t, s, piece, polish=polish, keep=keep):
@@ -221,7 +232,7 @@ class Locator:
         return rates[0] * rates[1] < 0 and min(map(abs, rates)) > least
 
     def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
-        """Return the folds and bifurcations between two points of a piece, in order."""
+        """Return the folds and bifurcations between two points with the same statuses, in order."""
         b = self.bordered
         piece = point.piece
         special: list[tuple[float, SpecialPoint]] = []
@@ -251,18 +262,18 @@ class Locator:
         return [s for _, s in sorted(special, key=lambda pair: pair[0])]
 
     def lacks_fold(self, point: BranchPoint, new: BranchPoint, special: list[SpecialPoint]) -> bool:
-        """Return True if gamma turns back between two points of a piece and no fold was located.
+        """Return True if gamma turns back between two points although no fold was located.
 
         Args:
             point: point at the beginning of a step.
             new: point at the end of the step.
-            special: special points located between the two.
+            special: special points located within the step.
         """
         turned = self.turned(point.tangent, new.tangent)
         return turned and not any(s.kind == "fold" for s in special)
 
     def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
-        """Return the unit vector from one state to another; ``t`` if they coincide."""
+        """Return the unit vector from ``start`` to ``end``; ``t`` if they almost coincide."""
         secant = end - start
         size = self.bordered.length(secant)
         if size < self.control.minimum:

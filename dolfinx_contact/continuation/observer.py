@@ -76,7 +76,7 @@ class Stepping:
         index: number of the point on its branch, from 0.
         next_step: length of the next step.
         x_scale: square of the unit length of x; 0 if no tangent has moved x yet.
-        largest_distance: largest distance to a border of a piece so far.
+        largest_distance: largest distance of a state to a change of status so far.
         scales: scales of residuals on the branch so far; () for pivoting.
         ending: ending of the branch at this point; None if the branch continues, or ends after it
             without another point.
@@ -121,8 +121,8 @@ class Observer:
         """Called when a branch or run begins or is resumed.
 
         Args:
-            task: task of the process.
-            state: state of the process.
+            task: arguments of the process; for its class see `Observer`.
+            state: state of the process; for its class see `Observer`.
         """
 
     def step(self, step: Any, state: Any) -> None:
@@ -137,7 +137,7 @@ class Observer:
         """Called when the process has ended; ``ended`` contains the ending and the reason."""
 
     def explored(self, diagram: Diagram) -> None:
-        """Called after each branch of `explore`, and at its end, with the results so far."""
+        """Called after each branch and at the end of `explore`, with the results so far."""
 
 
 _METHODS = ("begin", "step", "end", "explored")
@@ -215,7 +215,7 @@ class Observers(_Forwarding):
 
 
 class CollectiveObserver(_Forwarding):
-    """Observers of the user, called in the given order; their errors are raised on all ranks.
+    """The user's observers, called in the given order; their errors are raised on all ranks.
 
     The accepted state is put into the problem before every call, so that an observer that writes to
     the Functions cannot disturb other observers.

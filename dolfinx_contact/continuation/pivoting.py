@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Parametric pivoting: branches with affine pieces, traced from vertex to vertex by ratio tests.
 
-On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
-its status. A change of status costs the inverse of a dense matrix of the size of the condensed
-problem. Pivoting requires no predictor, no Newton iteration and no step length. If several points
-change simultaneously, the branch continues along a ray of the tangent cone (`cone_rays.py`).
+As long as no status changes, the state is affine in gamma. The smallest ratio of the distance to a
+border and its rate determines the first point that changes its status. Each change of status costs
+an update of the inverse of a dense matrix, whose size is that of the condensed problem. Pivoting
+requires no predictor, no Newton iteration and no step length. If several points change
+simultaneously, the branch continues along a ray of the tangent cone (`cone_rays.py`).
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ logger = logging.getLogger(__name__)
 
 
 class Pivoting(Tracer):
-    """Tracing of the branches of a system with affine pieces; the counterpart of `Follower`.
+    """Tracing of the branches of a system that is affine for fixed statuses.
 
     Args:
-        system: system H.
-        condensed: condensation of the system onto its points, with exact pieces.
-        gamma_scale: size of gamma that counts as 1.
+        system: system H(x, gamma) = 0.
+        condensed: the system after exact elimination of all unknowns except those of its points.
+        gamma_scale: unit of gamma.
     """
 
     def __init__(self, system: System, condensed: Condensed, *, gamma_scale: float):
@@ -107,10 +108,14 @@ class Pivoting(Tracer):
         return FoundRays(points, found.complete, found.method)
 
     def _cone_at(self, w: Array, ray: AffineRay) -> AffineSystem | None:
-        """Return the tangent cone at a state; None unless pieces meet there.
+        """Return the tangent cone at a state; None if every point can have one status only.
 
-        Distances are compared with the largest distance so far. In a state without load all
+        The tolerance is relative to the largest variable so far. In a state without load all
         variables vanish; then their change along the ray is used instead.
+
+        Args:
+            w: variables of the points, shape (m, k).
+            ray: ray along which the branch continues.
         """
         change = self.bordered.gamma_scale * largest(ray.direction)
         tolerance = TOLERANCE * max(self.largest_distance, change)
@@ -164,10 +169,17 @@ class Pivoting(Tracer):
             yield point, [vertex]
 
     def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
-        """Return the state at ``gamma`` on a ray.
+        """Return the variables of the points at a distance along a ray.
 
-        The state is evaluated on the piece, so that round-off does not accumulate over the steps.
-        On a nearly singular piece the sum along the ray is used, which is more accurate.
+        They are computed from the affine system with the statuses of the ray, so that round-off
+        does not accumulate over the steps. If this system is nearly singular, the sum along the ray
+        is used, which is more accurate.
+
+        Args:
+            w: variables at the start of the ray, shape (m, k).
+            gamma: parameter at the result.
+            length: distance.
+            ray: ray.
         """
         piece = self._piece(ray.codes) if ray.rate != 0 else None
         moved = w + length * ray.direction
@@ -177,7 +189,7 @@ class Pivoting(Tracer):
     def _passes(
         self, w: Array, ray: AffineRay, length: float, w_origin: Array, origin: BranchPoint
     ) -> bool:
-        """Return True if a segment passes the start of the branch.
+        """Return True if a segment passes through the start of the branch, which is then closed.
 
         Args:
             w: state at the start of the segment.
@@ -196,10 +208,19 @@ class Pivoting(Tracer):
     def _cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
-        """Cross the vertex (w, gamma); return its point, its special point, and the next ray.
+        """Continue beyond a vertex, the state at which a segment of the branch ends.
 
         The branch continues along the straightest ray that keeps the direction of gamma; if none
         exists, along the straightest ray.
+
+        Args:
+            w: state at the vertex, shape (m, k).
+            gamma: parameter at the vertex.
+            ray: ray of the segment.
+            length: length of the segment.
+
+        Returns:
+            Branch point; special point; and next ray, None if the branch ends.
         """
         before = self._piece(ray.codes) if ray.rate != 0 else None
         search = self._rays_onwards(w, gamma, ray, before)
@@ -234,9 +255,16 @@ class Pivoting(Tracer):
     ) -> Rays:
         """Return the outgoing rays of a vertex, without the reverse of the incoming ray.
 
-        If a single point changes its status and the parity is positive, no other branch meets
-        there, and the only ray lies on the piece beyond. Otherwise the rays of the tangent cone are
-        computed.
+        If a single point changes its status and the bordered determinant keeps its sign, no other
+        branch meets there, and the only ray is that with the new status. Otherwise the rays of the
+        tangent cone are computed.
+
+        Args:
+            w: state at the vertex, shape (m, k).
+            gamma: parameter at the vertex.
+            ray: incoming ray.
+            before: affine system with the statuses of the incoming ray; None if it is singular or
+                gamma is constant on the ray.
         """
         affine = self.condensed.system
         tolerance = TOLERANCE * self.largest_distance
@@ -262,17 +290,23 @@ class Pivoting(Tracer):
     ) -> int:
         """Return the sign of the ratio of the bordered determinants after and before a vertex.
 
-        On each side the bordered determinant has the sign of det A times the rate of gamma. The
-        result is 0 if a piece is singular.
+        On each side the bordered determinant has the sign of the determinant of the affine system
+        times the rate of gamma. The result is 0 if a system is singular.
+
+        Args:
+            before: affine system with the statuses of the incoming ray; None if it is singular.
+            ray: incoming ray.
+            after: affine system with the statuses of the outgoing ray; None if it is singular.
+            rate: rate of gamma on the outgoing ray.
         """
         if before is None or after is None:
             return 0
         return int(before.sign * ray.rate * after.sign * rate)
 
     def _piece(self, codes: Codes) -> AffinePiece | None:
-        """Return the piece with the given statuses; None if it is singular.
+        """Return the affine system with the given statuses; None if it is singular.
 
-        The last two pieces are cached with their inverses.
+        The last two results are cached with their inverses.
         """
         for piece in self._recent:
             if np.array_equal(piece.codes, codes):
@@ -303,18 +337,18 @@ class Pivoting(Tracer):
         return BranchPoint(y, t, self.condensed.piece(ray.codes), gamma, length)
 
     def _ray(self, w: Array, gamma: float, ray: AffineRay) -> Ray:
-        """Return a ray out of (w, gamma) with its unit tangent."""
+        """Return the `Ray` with unit tangent of an affine ray that leaves the state ``w``."""
         point = self._point(w, gamma, ray, 0.0)
         return Ray(point.piece, point.tangent)
 
     def _joined(self, w: Array, gamma: float) -> PETSc.Vec:
-        """Return the vector y for the state ``w`` of the points."""
+        """Return the vector (x, gamma) for the variables ``w`` of the points."""
         x = self.system.create_vector()
         self.condensed.expand(w, gamma, x)
         return self.bordered.joined(x, gamma)
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
-        """Return the state w at a branch point, and the ray along which the branch continues."""
+        """Return the variables w of the points at a branch point, and the ray it continues on."""
         b = self.bordered
         codes: Codes = self.condensed.codes(point.piece)
         w = self.condensed.contract(b.split(point.y)[0])

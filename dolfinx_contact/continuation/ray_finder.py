@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Outgoing rays of a nonsmooth point, at which several pieces of H meet.
+"""Outgoing rays of a nonsmooth point, at which several pieces of H meet.
 
-A piece has an outgoing ray if its tangent, in one of its two senses, stays inside the piece. Three
-methods find rays:
+A piece is H with fixed statuses of all points. It has an outgoing ray if its tangent, in one of its
+two directions, stays inside the piece. Three methods find rays:
 
 - *by the tangent cone*, where the system can be condensed onto few points (`cone_rays.py`): all
   rays;
@@ -59,13 +59,13 @@ _ALONG = 0.9  # smallest cosine between a ray and the chord to the solution of H
 
 @dataclass(frozen=True)
 class Kink:
-    """Kinked point: a contact point at a border of its piece.
+    """Contact point whose status can change at a state (a kinked point).
 
     Attributes:
         rank: rank owning the point.
         point: local number of the point on this rank.
-        code: status on the incoming piece.
-        target: status beyond the border.
+        code: status with which the branch arrives.
+        target: status to which the point is about to change.
         statuses: all statuses that the point can have.
     """
 
@@ -98,7 +98,7 @@ class RayFinder:
     Args:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
-        inside: function returning whether a ray stays inside its piece.
+        inside: function returning whether the statuses of a ray remain correct along the ray.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class RayFinder:
         """Return the rays of the tangent cone; None if the system cannot be condensed.
 
         Args:
-            tolerance: distance that counts as zero.
+            tolerance: distance to a change of status that counts as zero.
         """
         b = self._bordered
         x, gamma = b.split(self._y)
@@ -150,13 +150,13 @@ class RayFinder:
         most: int = _MOST_PIECES,
         tried: tuple[int, ...] | None = None,
     ) -> FoundRays[Ray]:
-        """Return the rays of all pieces meeting at the point; no rays for too many pieces.
+        """Return the rays for all combinations of statuses; none if there are too many.
 
         Args:
-            piece: piece defining the statuses of all other points.
-            kinks: kinked points.
+            piece: statuses of all other points.
+            kinks: contact points whose statuses are varied.
             towards: direction in which tangents are tried first.
-            most: largest number of pieces.
+            most: largest number of combinations that are tried.
             tried: statuses of the kinked points that have been tried and are skipped; default:
                 none.
         """
@@ -174,7 +174,14 @@ class RayFinder:
     def of_statuses(
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
-        """Return the rays, at most two, of the piece in which kinked points have given statuses."""
+        """Return the rays, at most two, for given statuses of the kinked points.
+
+        Args:
+            piece: statuses of all other points.
+            kinks: kinked points.
+            codes: statuses of the kinked points.
+            towards: direction in which the tangent is tried first.
+        """
         rank = self._bordered.comm.rank
         own = [c for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
         new = piece.with_codes(self._own_points(kinks), own)
@@ -184,7 +191,7 @@ class RayFinder:
         return [ray for ray in (Ray(new, tangent), Ray(new, -tangent)) if self.inside(ray)]
 
     def _own_points(self, kinks: Sequence[Kink]) -> Indices:
-        """Return the local numbers of the kinked points on this rank."""
+        """Return the local numbers of those kinked points that this rank owns."""
         rank = self._bordered.comm.rank
         return np.array([k.point for k in kinks if k.rank == rank], dtype=np.int32)
 
@@ -195,7 +202,10 @@ class RayFinder:
         *,
         tangent_at_point: bool,
     ) -> Ray | None:
-        """Return the ray towards a solution of H near the point, with recomputed statuses.
+        """Solve H = 0 at a slightly different gamma; return the ray towards the solution.
+
+        The statuses are recomputed. The result is None if no solution or no acceptable ray is
+        found.
 
         Args:
             senses: signs of the changes of gamma that are tried, in this order.
@@ -220,9 +230,10 @@ class RayFinder:
     def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
         """Return the statuses for which H has no derivative at the point.
 
-        Enumeration may miss rays with these statuses. In 3D, for example, the slip direction of a
-        point without slip and shear is undefined. The test compares the change of H due to the sum
-        of two small changes of x with the sum of the two changes of H.
+        Trying all combinations of statuses may miss rays with these statuses. In 3D, for example,
+        the slip direction of a point without slip and shear is undefined. The test makes two small
+        changes of x, and compares the change of H due to both with the sum of the changes due to
+        each.
         """
         b = self._bordered
         points = self._own_points(kinks)
@@ -245,7 +256,7 @@ class RayFinder:
         return rough
 
     def same(self, a: Ray, other: Ray) -> bool:
-        """Return True if two rays coincide, for example along the common border of two pieces."""
+        """Return True if two rays coincide, which is possible even if their statuses differ."""
         b = self._bordered
         return b.length(a.tangent - other.tangent) <= _SAME * b.length(a.tangent)
 
@@ -255,17 +266,19 @@ class RayFinder:
 
 
 class KinkRayFinder(RayFinder):
-    """Search for the outgoing rays of a kink: rays along which the distances to borders grow.
+    """Search for the rays along which a branch can leave a kink.
+
+    Along a ray its statuses remain correct: distances to changes of status grow.
 
     Args:
         corrector: corrector on the bordered system.
-        y: point (x, gamma).
-        piece: piece of the branch there.
-        tolerance: distance that counts as zero.
-        idle: whether to accept rays along which all kinked points remain on their borders.
+        y: kink of a branch (x, gamma).
+        piece: statuses with which the branch arrives.
+        tolerance: distance to a change of status that counts as zero.
+        idle: whether to accept rays along which the distances of all kinked points remain zero.
 
     Attributes:
-        kinks: kinked points of all ranks.
+        kinks: kinked points of all ranks, the contact points whose status can change.
     """
 
     def __init__(
@@ -329,9 +342,10 @@ class KinkRayFinder(RayFinder):
     def cross(self, t: PETSc.Vec) -> Crossing:
         """Find the outgoing rays of a kink, without the reverse of the incoming ray.
 
-        For one kinked point the status beyond the border is tried first. Other statuses are tried
-        if this fails, or if the parity shows that other branches meet there. For several points the
-        rays of the tangent cone are computed, or all statuses are tried.
+        For one kinked point the status to which it is about to change is tried first. Other
+        statuses are tried if this fails, or if the sign of the bordered determinant changes, which
+        shows that other branches meet there. For several points the rays of the tangent cone are
+        computed, or all statuses are tried.
 
         Args:
             t: unit tangent of the incoming branch.
@@ -375,7 +389,7 @@ class KinkRayFinder(RayFinder):
         return Crossing(tuple(rays), found.complete, found.method, len(kinks), changes, sign)
 
     def _codes(self, piece: Piece) -> list[int]:
-        """Return the statuses of the kinked points on a piece."""
+        """Return the statuses of the kinked points of all ranks in the given piece."""
         comm = self._bordered.comm
         own = [int(c) for c in piece.codes[self._own_points(self.kinks)]]
         parts = [iter(part) for part in comm.allgather(own)]
@@ -386,7 +400,11 @@ class KinkRayFinder(RayFinder):
         return bool(b.inner(ray.tangent, away) > _ALONG * b.length(away))
 
     def _stays_inside(self, ray: Ray) -> bool:
-        """Return True if the distances of the kinked points grow along a ray."""
+        """Return True if no status of a kinked point becomes wrong along a ray.
+
+        The distances of the kinked points to changes of status must not decrease; unless idle rays
+        are accepted, at least one of them must grow.
+        """
         b = self._bordered
         events, slope = b.events_along(self._y, ray.piece, ray.tangent)
         chosen = np.isin(events.point, self._own_points(self.kinks))
@@ -402,9 +420,18 @@ class KinkRayFinder(RayFinder):
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
-    """Return the sign of det J_1 / det J_0 across the point ``y``. Collective.
+    """Return the sign of the ratio of bordered determinants across a kink. Collective.
 
-    J = [grad H; t^T] is evaluated with the incoming tangent (J_0) and with the outgoing ray (J_1).
+    The determinant is that of [grad H; t^T], the Jacobian of H with a tangent t as last row. It is
+    evaluated after the kink with the outgoing ray, and before the kink with the incoming tangent. A
+    negative result shows that other branches meet there.
+
+    Args:
+        corrector: corrector on the bordered system.
+        y: kink (x, gamma).
+        piece: statuses with which the branch arrives.
+        t: incoming unit tangent.
+        ray: outgoing ray.
     """
     b = corrector.bordered
     signs = []

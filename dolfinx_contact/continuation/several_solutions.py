@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Search for several solutions at one gamma, on the same or on different branches.
+"""Search for several solutions at one gamma, on the same or on different branches.
 
-1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
-   `cone_rays.py` computes the rays by enumeration, which proves completeness, or by unfolding.
+1. If the pieces (choices of statuses) are affine cones, a solution at gamma is a ray of the cones
+   under the total load. `cone_rays.py` computes the rays by enumeration, which proves completeness,
+   or by unfolding.
 2. If there are too many pieces, or affine pieces that are not cones, the system may provide a proof
    (`System.prove`).
 3. Otherwise computed solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
@@ -13,8 +14,8 @@ r"""Search for several solutions at one gamma, on the same or on different branc
    which does not vanish at the x_k. The Newton step dx of H is multiplied by 1 / (1 - grad log m .
    dx), so that only its length and sign change. The result depends on the distance at which a
    solution repels the iteration and on the first step. Therefore several distances are tried, and
-   first steps on pieces on which all points have the same status. The statuses in H are recomputed
-   from x in each iteration; this semismooth method may miss solutions.
+   also first steps with the same status at all points. The statuses in H are recomputed from x in
+   each iteration; this semismooth method may miss solutions.
 """
 
 from __future__ import annotations
@@ -63,8 +64,8 @@ class Solution:
     """Solution at one gamma.
 
     Attributes:
-        x: unknowns.
-        piece: statuses.
+        x: vector of unknowns.
+        piece: statuses of all points.
         gamma: parameter.
     """
 
@@ -75,12 +76,11 @@ class Solution:
 
 @dataclass(frozen=True)
 class Continuum:
-    """Continuum of solutions with the same statuses.
+    """Set of infinitely many solutions with the same statuses.
 
     Attributes:
-        piece: statuses.
-        ends: solutions that span the continuum, two for a segment; if it is unbounded, its existing
-            ends.
+        piece: statuses of all points.
+        ends: solutions that span the set, two for a segment. An unbounded set has fewer ends.
     """
 
     piece: Piece
@@ -94,11 +94,12 @@ class Solutions:
     Attributes:
         gamma: parameter.
         found: solutions at gamma; those passed as ``known`` come first.
-        complete: True if the solutions are provably complete.
+        complete: True if it is proved that there are no other solutions.
         method: description of the search.
-        continua: continua found by enumeration; their ends are in `found` as well.
+        continua: sets of infinitely many solutions found by enumeration; their ends are also in
+            `found`.
         proof: proof provided by the system; None without a proof, as after an enumeration. In 3D
-            its states contain scaled forces; the tables of the solutions contain the unscaled
+            the forces in its states are scaled; the tables of the solutions contain the unscaled
             forces.
     """
 
@@ -164,25 +165,25 @@ def find_solutions(
     """Compute several solutions at ``gamma``, and all solutions where possible. Collective.
 
     The data of the system (Functions, statuses and gamma of a contact problem) are restored. If the
-    pieces are not affine, the first solution is computed from a guess by the solver of the system
-    (`ContactProblem.solve` for a contact problem). No proof is given if the model is not valid for
-    a solution, for example if small sliding is assumed between bodies or on curved obstacles and
-    the sliding is not small.
+    system is not affine for fixed statuses, the first solution is computed from a guess by the
+    solver of the system (`ContactProblem.solve` for a contact problem). No proof is given if the
+    model is not valid for a solution, for example if small sliding is assumed between bodies or on
+    curved obstacles and the sliding is not small.
 
     Args:
-        system: H with its pieces.
+        system: piecewise smooth system H(x, gamma) = 0.
         guesses: initial states, at least one. Newton's method starts from these states and from
             states next to the solutions, until a round of starts yields no new solution.
         gamma: parameter.
         known: known solutions, which repel the deflated search; default: none.
-        lengths: distances within which a solution repels the iteration, relative to the distance of
-            the solution from the guess.
+        lengths: distances within which a known solution repels the iteration, relative to its
+            distance from the guess. All values are tried.
         max_iterations: largest number of iterations of a run of Newton's method.
         tolerance: relative residual of a solution.
-        deflation: True to use deflation even if the pieces are affine.
+        deflation: True to use deflation even if the system is affine for fixed statuses.
         proof_seconds: time limit of the proof of completeness, in seconds; 0 for no proof. The
-            proof is tried if there are too many affine pieces to enumerate, or if friction has a
-            prescribed bound.
+            proof is tried if there are too many combinations of statuses to enumerate, or if
+            friction has a prescribed bound.
 
     Raises:
         ValueError: on every rank, if an argument is invalid or differs between ranks, or the loads
@@ -215,7 +216,10 @@ def find_solutions(
 
 
 def _validated(system: System, solutions: Solutions) -> Solutions:
-    """Remove the proof from solutions if the model is not valid for one of them. Collective."""
+    """Remove the proof of completeness if the model is not valid for one of the solutions.
+
+    Collective.
+    """
     if not solutions.complete and solutions.proof is None:
         return solutions
     with system.restored(always=True):
@@ -228,7 +232,7 @@ def _validated(system: System, solutions: Solutions) -> Solutions:
 
 
 def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Return solutions with a proof provided by the system; None without a proof. Collective."""
+    """Return the solutions that a proof of the system provides, or None. Collective."""
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None
@@ -247,9 +251,9 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
 
 
 def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Return solutions as rays of the cones under the total load. Collective.
+    """Compute the solutions as rays of the cones of the points under the total load. Collective.
 
-    None if the system cannot be condensed onto its points.
+    Return None if the system cannot be condensed onto its points.
     """
     condensed = system.condensed(x, gamma)
     if condensed is None:
@@ -302,7 +306,10 @@ def _coincide(condensed: Condensed, a: Solution, b: Solution) -> bool:
 
 
 class _Deflated:
-    """Newton's method on m(x) H(x) at fixed gamma. All methods are collective."""
+    """Newton's method repelled by known solutions (deflation), at fixed gamma.
+
+    It is applied to m(x) H(x) with the factor m of the module. All methods are collective.
+    """
 
     def __init__(self, system: System, gamma: float, max_iterations: int, tolerance: float):
         self.system = system
@@ -330,7 +337,14 @@ class _Deflated:
         proved: Solutions | None,
         lengths: Sequence[float],
     ) -> tuple[list[PETSc.Vec], str]:
-        """Return all solutions, starting with the known ones, and a description of the search."""
+        """Return all solutions found, and a description of the search.
+
+        Args:
+            guesses: initial states.
+            known: known solutions; they come first in the result.
+            proved: solutions found with a proof; None without a proof.
+            lengths: see `find_solutions`.
+        """
         self._size = max(guess.norm() for guess in guesses)
         solutions = [x.copy() for x in known]
         for s in () if proved is None else proved.found:
@@ -355,7 +369,15 @@ class _Deflated:
     def _first(
         self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
     ) -> tuple[PETSc.Vec | None, str]:
-        """Return a new solution by the solver of the system, and its description."""
+        """Return a new solution computed by the solver of the system, and a description.
+
+        Args:
+            guesses: initial states, tried until the solver succeeds.
+            known: known solutions.
+
+        Returns:
+            Solution, None if it is known or the solver fails; description of the attempts.
+        """
         tried = ""
         for guess in guesses:
             x, how = self.system.solution_from(guess, self.gamma)
@@ -369,13 +391,17 @@ class _Deflated:
         return None, tried
 
     def _beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
-        """Yield two states next to each solution, on the line through solution and guess."""
+        """Yield two states next to each solution, on the line from ``guess`` to the solution."""
         for x in solutions:
             for part in (-0.1, 0.1):
                 yield self.bordered.moved(x, part, x - guess)
 
     def _pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
-        """Return pieces for the first step: None for H itself, and the uniform pieces."""
+        """Return choices of statuses for the first step of Newton's method.
+
+        The first is None, for statuses determined by the state. In each of the others, all points
+        that can have a certain status have this status.
+        """
         own = self.system.piece_at(guess, self.gamma)
         free = [int(p) for p in np.unique(self.system.events(guess, self.gamma, own).point)]
         statuses = {p: {int(s) for s in self.system.statuses(p)} for p in free}
@@ -393,7 +419,8 @@ class _Deflated:
 
         Args:
             guess: initial state.
-            piece: piece of the first step, which is not deflated; None for H itself.
+            piece: fixed statuses of all points in the first step, which is not deflated; None to
+                determine them from the state.
             known: known solutions, which are deflated.
             length: distance at which the deflated solutions repel the iteration, relative to their
                 distance from the guess.
@@ -427,7 +454,17 @@ class _Deflated:
     def _factor(
         self, x: PETSc.Vec, dx: PETSc.Vec, known: Sequence[PETSc.Vec], squares: Sequence[float]
     ) -> float:
-        """Return the factor 1 / (1 - grad log m . dx) by which the Newton step dx is multiplied."""
+        """Return the factor by which deflation multiplies the Newton step of H.
+
+        It is 1 / (1 - grad log m . dx) with the factor m(x) of the module, limited to 1000 in
+        magnitude.
+
+        Args:
+            x: iterate.
+            dx: Newton step.
+            known: known solutions, which repel the iteration.
+            squares: squared distance within which each of them does so.
+        """
         slope = 0.0
         for other, square in zip(known, squares, strict=True):
             # log(1/d + 1) with d = |x - x_k|^2 changes by -2 (x - x_k) . dx / (d (1 + d))
@@ -439,19 +476,19 @@ class _Deflated:
     def _product(
         self, x: PETSc.Vec, other: PETSc.Vec, dx: PETSc.Vec | None = None
     ) -> tuple[float, float]:
-        """Return |x - x_k|^2 and (x - x_k) . dx in the metric of the system.
+        """Return |d|^2 and d . dx for the difference d of two states, in the metric of the system.
 
         Args:
             x: iterate.
-            other: solution x_k.
-            dx: Newton step.
+            other: solution to be subtracted from it.
+            dx: Newton step; default: none, with the product 0.
         """
         away = x - other
         self.system.metric(away, self._w)
         return float(self._w.dot(away)), 0.0 if dx is None else float(self._w.dot(dx))
 
     def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
-        """Return True if a state is one of ``known``."""
+        """Return True if a state agrees with one of the known solutions."""
         sizes = [other.norm() for other in known]
         # The solution 0 has no size: its round-off is relative to the guesses.
         least = _ROUND_OFF * max([self._size, *sizes])

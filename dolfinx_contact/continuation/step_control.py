@@ -32,7 +32,9 @@ def sign_of(direction: Direction) -> float:
 
 @dataclass(frozen=True)
 class StepControl:
-    """Step lengths, in units in which the first tangent and the range of gamma have length 1.
+    """Parameters of the steps along a branch.
+
+    Lengths are measured in units in which the first tangent and the range of gamma have length 1.
 
     Attributes:
         initial: length of the first step.
@@ -41,16 +43,16 @@ class StepControl:
         increase: factor after a step with at most ``easy`` corrections.
         decrease: factor after a rejected step.
         easy: largest number of corrections after which the step length is increased.
-        cosine: smallest admissible cosine of the angle between the tangents of two successive
-            points of one piece.
+        cosine: smallest admissible cosine of the angle between the tangents at two successive
+            points with the same statuses.
         corrections: largest number of corrections of a step.
         tolerance: largest relative residual of an accepted point.
         kinks: method of passing kinks. ``"exact"``: every event is located, and a step ends there.
-            ``"batched"``: a step may pass many events at which the branch neither turns nor
-            branches; other events are located. Two turns within one step are not detected; use
-            shorter steps. ``"stepping"``: the step shrinks to its minimum before a kink, and the
-            tangents beyond are then tried. None: batched if the system has many pieces
-            (`System.has_many_pieces`), otherwise exact.
+            ``"batched"``: a step may pass many events at which gamma does not turn back and no
+            other branch meets; other events are located. Two turns within one step are not
+            detected; use shorter steps. ``"stepping"``: the step shrinks to its minimum before a
+            kink, and the tangents beyond the kink are then tried. None: batched if the system has
+            many combinations of statuses (`System.has_many_pieces`), otherwise exact.
     """
 
     initial: float = 0.02

@@ -5,11 +5,11 @@ A step predicts a point along the tangent and corrects it; a failed step is shor
 length h_min = `StepControl.minimum`. The policies differ in the equation of the corrector and in
 the treatment of kinks:
 
-- *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
-  first event is located to round-off, and the branch continues on the piece beyond
-  (`KinkRayFinder.cross`). If the distance of an event is zero at the start, grows along the tangent
-  and is negative at the end, it must vanish in between, for example if a point sticks briefly; then
-  the step is shortened.
+- *Exact* (`ExactSteps`): a step is corrected on one piece. If the distance to a border of the piece
+  has become negative, the first such event is located to round-off, and the branch continues on the
+  piece beyond (`KinkRayFinder.cross`). If the distance is zero at the start, grows along the
+  tangent and is negative at the end, it must vanish in between, for example if a point sticks
+  briefly; then the step is shortened.
 - *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
   3D hundreds of points change their status one by one, so locating each is too expensive. The step
   is accepted if the branch is monotone: gamma changes by as much as its rates predict, tangents and
@@ -17,9 +17,9 @@ the treatment of kinks:
   is shortened until it contains few changes, which are crossed exactly. Two changes of one point
   within a step, or two folds, are not detected.
 - *Stepping* (`SteppingSteps`; T. Ligursky and Y. Renard, Comput. Mech. 56, 2015): as batched, but
-  if no step of at least h_min succeeds, the tangent of the piece at y + h_1 t is tried in both
-  senses, with h_1 slightly larger than h_min. Kinks are located up to h_min; no other rays are
-  searched for.
+  if no step of at least the minimum length succeeds, the next piece is that of a state on the
+  tangent, slightly more than the minimum length ahead. Its tangent is tried in both directions.
+  Kinks are located up to the minimum length; no other rays are searched for.
 
 The corrector may converge to another part of the solution set. Therefore a point is rejected if its
 advance along the tangent differs too much from the step length, if the angle between the chord and
@@ -82,9 +82,10 @@ class _Trial:
     Attributes:
         new: end of the step; None if the step failed.
         changes: changes of status in order, each with the fraction of the step at which it occurs.
-            Distances to borders are assumed to be linear.
-        monotone: True if gamma does not turn back at any of the changes and the parity is positive.
-        parity: product of the parities of the changes; 0 if unknown.
+            Distances to changes of status are assumed to be linear.
+        monotone: True if gamma does not turn back within the step and the parity is positive.
+        parity: sign of the ratio of the bordered determinants at the end and the start; 0 if
+            unknown.
     """
 
     new: BranchPoint | None
@@ -94,7 +95,9 @@ class _Trial:
 
 
 class ExactSteps(Locator):
-    """Steps ending at every event; base class of the other policies.
+    """Predictor-corrector steps that end at every change of status.
+
+    It is the base class of the other policies.
 
     Args:
         corrector: corrector on the bordered system.
@@ -110,7 +113,7 @@ class ExactSteps(Locator):
         self._incoming: tuple[PETSc.Vec, Ray] | None = None
 
     def step(self, point: BranchPoint, h: float) -> Advance | None:
-        """Take a step of at most the length ``h``; None if no step of at least h_min succeeds."""
+        """Take a step of at most the length ``h``; None if no admissible length succeeds."""
         while h >= self.control.minimum:
             result = self._attempt(point, h)
             if not isinstance(result, float):
@@ -132,17 +135,23 @@ class ExactSteps(Locator):
         return self._to_the_border(point, h, new.y) or shorter
 
     def _over_kink(self, point: BranchPoint) -> Advance | None:
-        """Continue beyond a kink if no step succeeds; return None if this is impossible."""
+        """Continue beyond a kink after all steps have failed; return None if this is impossible."""
         return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
-        """Return the piece of the branch between successive points; None for several pieces."""
+        """Return the statuses between successive points; None if they change in between."""
         return a.piece
 
     # -- one step --------------------------------------------------------------------------------
 
     def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> Corrected | None:
-        """Return the state after a step of length ``h`` on a piece or on H; None if it fails."""
+        """Return the state after a step of length ``h``; None if the corrector fails.
+
+        Args:
+        point: start of the step.
+        h: length of the step.
+        piece: fixed statuses of all points; None to determine them from the state.
+        """
         y = self.bordered.moved(point.y, h, point.tangent)
         scales = self.corrector.moore_penrose(y, point.tangent.copy(), piece)
         return None if scales is None else (y, scales)
@@ -163,7 +172,7 @@ class ExactSteps(Locator):
             point: start of the step.
             h: length of the step.
             corrected: corrected state.
-            piece: piece of the corrected state.
+            piece: statuses of the corrected state.
             factorise: whether to factorise the matrix of the tangent in any case.
             precise: False if the tangent is used only as the direction of the next step.
         """
@@ -214,7 +223,7 @@ class ExactSteps(Locator):
         return not (turns or aside or abs(along - h) > _SHARE * h or off > h)
 
     def _within_piece(self, point: BranchPoint, new: BranchPoint, h: float) -> Advance | None:
-        """Accept a step without a change of status; return None if it misses a fold."""
+        """Accept a step without a change of status; return None if a fold in it was not located."""
         special = self.smooth_points(point, new)
         if self.lacks_fold(point, new, special):
             return None
@@ -228,7 +237,10 @@ class ExactSteps(Locator):
     # -- kinks -----------------------------------------------------------------------------------
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
-        """Return True if a distance to a border is 0, grows, and is negative at the end.
+        """Return True if a point that has just changed its status changes it again in a step.
+
+        This is the case if the distance to a change of status is 0 at the start, grows along the
+        tangent, and is negative at the end.
 
         Args:
             point: start of the step.
@@ -242,7 +254,7 @@ class ExactSteps(Locator):
         return b.anywhere(twice & (rate > _IDLE * b.largest(rate)))
 
     def _to_the_border(self, point: BranchPoint, h: float, y_high: PETSc.Vec) -> Advance | None:
-        """Go to the first event before ``y_high`` and cross it; None if that fails."""
+        """Step to the first change of status before ``y_high`` and cross it; None if this fails."""
         b = self.bordered
         first = self.first_event(point, y_high)
         if first is None:
@@ -288,7 +300,7 @@ class ExactSteps(Locator):
         return self.rescaled(new), [*special, vertex], h
 
     def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
-        """Return True if a ray leads back along the branch by which ``point`` was reached."""
+        """Return True if a ray leads back along the ray by which the branch reached ``point``."""
         if self._incoming is None or self._incoming[0] is not point.y:
             return False
         incoming = self._incoming[1]
@@ -308,7 +320,7 @@ class ExactSteps(Locator):
 
         Args:
             point: last point inside the range.
-            new: point outside.
+            new: first point outside the range.
             special: special points between the two.
             gamma_range: range of gamma.
         """
@@ -334,7 +346,16 @@ class ExactSteps(Locator):
     # -- changes that are not located ------------------------------------------------------------
 
     def _changes(self, point: BranchPoint, y: PETSc.Vec, piece: Piece) -> Changes:
-        """Return the changes of status from a point to ``y`` on ``piece``, in order."""
+        """Return the changes of status between a point and a state, in order.
+
+        Args:
+        point: point of the branch.
+        y: state (x, gamma).
+        piece: statuses at this state.
+
+        Returns:
+        Changes, each with the fraction of the way at which it occurs.
+        """
         b = self.bordered
         old = point.piece
         low, high = (b.events(state, old) for state in (point.y, y))
@@ -350,7 +371,7 @@ class ExactSteps(Locator):
     def _unlocated(
         self, point: BranchPoint, new: BranchPoint, changes: Changes, parity: int = 0
     ) -> list[SpecialPoint]:
-        """Return the events of the changes within a step without locating them."""
+        """Return one event for each change of status within a step, without locating it."""
         bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
         parity = parity if len(changes) == 1 else 0
         events = []
@@ -364,7 +385,7 @@ class ExactSteps(Locator):
 
 
 class _StepsOnH(ExactSteps):
-    """Steps on H itself, with the statuses determined by the state."""
+    """Steps on H itself: the statuses are recomputed from the state, not fixed."""
 
     def __init__(self, corrector: Corrector):
         super().__init__(corrector)
@@ -386,7 +407,10 @@ class _StepsOnH(ExactSteps):
         return self._shortened(point, trial, h)
 
     def _first_located(self, trial: _Trial) -> float:
-        """Return the fraction of a step at which the first change to be located occurs, or inf."""
+        """Return the position of the first change of status that must be located.
+
+        It is a fraction of the step; inf if no change must be located.
+        """
         return np.inf
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
@@ -397,7 +421,7 @@ class _StepsOnH(ExactSteps):
         return a.piece if self.bordered.is_same_piece(a.piece, c.piece) else None
 
     def _trial(self, point: BranchPoint, h: float) -> _Trial:
-        """Take a step of the length ``h`` on H."""
+        """Try a step of length ``h`` on H, with statuses recomputed from the state."""
         b = self.bordered
         corrected = self.corrected_step(point, h, None)
         if corrected is None:
@@ -420,25 +444,31 @@ class _StepsOnH(ExactSteps):
         return _Trial(new, changes, not turned and parity > 0, parity)
 
     def _orientation(self, point: BranchPoint) -> float:
-        """Return the sign of det [grad H; t^T] at a point; 0 if the matrix is singular."""
+        """Return the sign of det [grad H; t^T] at a point; 0 if the matrix is singular.
+
+        This is the Jacobian of H with the unit tangent t as last row.
+        """
         if self._oriented is None or self._oriented[0] is not point.y:
             t = self.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
             self._oriented = (point.y, 0.0 if t is None else self.bordered.orientation(t))
         return self._oriented[1]
 
     def _keep_orientation(self, point: BranchPoint, new: BranchPoint) -> None:
-        """Reuse the orientation for the next point, as no bifurcation lies in between."""
+        """Use the sign of the bordered determinant at ``point`` also for the next point ``new``.
+
+        The sign is the same, because no bifurcation lies in between.
+        """
         if self._oriented is not None and self._oriented[0] is point.y:
             self._oriented = (new.y, self._oriented[1])
 
 
 class BatchedSteps(_StepsOnH):
-    """Steps that may pass any number of kinks if the branch is monotone.
+    """Steps that may pass any number of kinks as long as the branch is monotone.
 
     Args:
         corrector: corrector on the bordered system.
-        locate: function selecting changes of status to be located, in addition to folds and
-            changes of parity; None for no additional ones.
+        locate: function of a `Change` that returns True if it must be located, in addition to folds
+            and points where the sign of the determinant changes; None for no additional ones.
     """
 
     def __init__(self, corrector: Corrector, locate: Locate | None):
@@ -469,7 +499,10 @@ class BatchedSteps(_StepsOnH):
         return crossed
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
-        """End the step before the first change to be located, or cross a few changes exactly."""
+        """Return the length of the next attempt, which ends before the first change to be located.
+
+        If only a few changes of status remain, the next attempt crosses them one by one.
+        """
         self._refused = max(self._refused, h)
         first = self._first_located(trial) if trial.monotone else 1.0
         before = sum(fraction <= first for fraction, _ in trial.changes)
@@ -486,14 +519,14 @@ class BatchedSteps(_StepsOnH):
 
 
 class SteppingSteps(_StepsOnH):
-    """Steps that shrink before a kink and cross it by trial tangents.
+    """Steps that shrink to the minimum length before a kink and cross it by trial tangents.
 
     Args:
         corrector: corrector on the bordered system.
     """
 
     def _over_kink(self, point: BranchPoint) -> Advance | None:
-        """Continue from the kink within h_min beyond ``point``."""
+        """Continue beyond a kink that lies within the minimum step length ahead of ``point``."""
         b = self.bordered
         for factor in _BEYOND:
             # the tangent of the piece beyond
@@ -513,7 +546,13 @@ class SteppingSteps(_StepsOnH):
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
-        """Return the point at the distance ``h`` along ``t``; None if there is no point ahead."""
+        """Return the point of the branch at the distance ``h`` along ``t``; None if there is none.
+
+        Args:
+            point: point before a kink.
+            t: unit tangent.
+            h: distance.
+        """
         b = self.bordered
         start = replace(point, tangent=t)
         corrected = self.corrected_step(start, h, None)
@@ -526,7 +565,13 @@ class SteppingSteps(_StepsOnH):
         return self.new_point(start, h, corrected, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
-        """Return the kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
+        """Return the kink between two points of the branch as a special point.
+
+        Args:
+            point: point before the kink.
+            new: point after the kink.
+            h_1: largest distance of the kink from ``point``.
+        """
         parity = int(self._orientation(point) * self._orientation(new))
         changes = tuple(change for _, change in self._changes(point, new.y, new.piece))
         reach = abs(h_1 * self.bordered.gamma(point.tangent))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Interface of piecewise smooth systems H(x, gamma) = 0 for continuation.
 
-A piece is H with fixed statuses of all points; it is also smooth beyond its borders. Statuses are
-small integers, one for each point of this rank. The events of a piece are the distances to its
-borders, positive inside, zero where a point is about to change its status.
+Each point has a status, a small integer such as the code of stick or slip. A piece is H with fixed
+statuses of all points; as a function it is smooth everywhere. It coincides with H in the set of
+states that have these statuses. The events of a piece are the distances to the borders of this set:
+positive inside, zero where a point is about to change its status.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ ResidualScales: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Smooth piece of H.
+    """Smooth piece of H, selected by fixed statuses of all points.
 
     Attributes:
         codes: statuses of the points of this rank, shape (n,).
@@ -56,12 +57,13 @@ class Piece:
 
 @dataclass(frozen=True)
 class Events:
-    """Distances of a state to the borders of a piece, on this rank.
+    """Distances of a state to the borders of a piece, where statuses change, on this rank.
 
     Attributes:
-        distance: distances, positive inside the piece, all in one unit, shape (n,).
-        point: local point of each event.
-        target: status of the point beyond the border.
+        distance: distances to the n borders, positive inside the piece, all in one unit, shape
+            (n,).
+        point: local number of the point that changes its status at each border, shape (n,).
+        target: status of this point beyond the border, shape (n,).
     """
 
     distance: Array
@@ -70,16 +72,16 @@ class Events:
 
 
 def matched_distances(here: Events, there: Events, missing: Array | None = None) -> Array:
-    """Return the distances of another state to the borders in ``here``. Not collective.
+    """Return the distances of a second state to the same borders. Not collective.
 
     Borders of some laws exist in some states only; for example, the border of stick exists only
-    where there is friction. If both states have events of the same points, the events correspond to
-    each other in their order, even if the statuses beyond the borders differ.
+    where there is friction. If both states have events of the same points, the events are matched
+    in their order, even if the statuses beyond the borders differ.
 
     Args:
-        here: n events of a piece at the first state.
-        there: events of the same piece at the other state.
-        missing: values for borders that do not exist at the other state, shape (n,); default:
+        here: n events of a piece at the first state, which define the borders.
+        there: events of the same piece at the second state.
+        missing: values for borders that do not exist at the second state, shape (n,); default:
             distances at the first state.
     """
     if np.array_equal(here.point, there.point):
@@ -97,18 +99,19 @@ def matched_distances(here: Events, there: Events, missing: Array | None = None)
 def fractions_to_borders(
     low: Events, high: Events, weights: tuple[float, float] = (1.0, 1.0)
 ) -> Array:
-    """Return the fractions of a segment between two states at which events vanish. Not collective.
+    """Return where the borders of a piece are reached between two states. Not collective.
 
-    The distances are assumed to be linear.
+    The distances to the borders are assumed to be linear along the segment.
 
     Args:
-        low: events of a piece at a state inside it.
-        high: the n events of the same piece at another state.
+        low: events of the piece at a state inside it, the start of the segment.
+        high: n events of the same piece at another state, the end of the segment.
         weights: factors of the distances at the two states.
 
     Returns:
-        Fractions for the events ``high``, shape (n,): inf where the second state is inside, 1/2
-        where it is outside and the border does not exist at the first state.
+        Fraction of the segment at which each border of ``high`` is reached, shape (n,): inf where
+        the second state is inside, 1/2 where it is outside and the border does not exist at the
+        first state.
     """
     distance = weights[1] * high.distance
     outside = distance < 0
@@ -145,33 +148,33 @@ class System:
     # -- H and its derivatives -------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:
-        """Create a vector for x."""
+        """Create a vector of the unknowns x."""
         raise NotImplementedError
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
-        """Write H(x, gamma) into ``b``, and return its relative size."""
+        """Write H(x, gamma) into ``b``, and return its scaled norm."""
         raise NotImplementedError
 
     def measure(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: ResidualScales
     ) -> tuple[float, ResidualScales]:
-        """Write H(x, gamma) into ``b``, and measure it relative to scales that grow along a branch.
+        """Write H(x, gamma) into ``b``, and return its norm relative to scales of the branch.
 
         Args:
             x: state.
             gamma: parameter.
             b: vector that receives H.
-            piece: piece of H.
+            piece: fixed statuses of all points; None to determine them from the state.
             scales: scales of the branch so far.
 
         Returns:
-            Relative size of H, and the scales including the state; default: the result of
+            Scaled norm of H, and the scales updated by this state; default: the result of
             `residual`, and ``scales``.
         """
         return self.residual(x, gamma, b, piece), scales
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
-        """Assemble H_x(x, gamma) into `matrix`.
+        """Assemble the derivative of H with respect to x into `matrix`.
 
         Raises:
             ArithmeticError: on all ranks, if the preconditioner cannot be set up.
@@ -181,11 +184,14 @@ class System:
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        """Write H_gamma(x, gamma) into ``c``."""
+        """Write the derivative of H with respect to gamma into ``c``."""
         raise NotImplementedError
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Write M x into ``out``; the symmetric semi-definite metric M defines lengths of x."""
+        """Write the product M x of the metric M with ``x`` into ``out``.
+
+        The matrix M is symmetric and semi-definite; it defines lengths of x.
+        """
         raise NotImplementedError
 
     def probe(self, seed: int) -> PETSc.Vec:
@@ -195,11 +201,11 @@ class System:
     # -- pieces ----------------------------------------------------------------------------------
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        """Return the piece determined by (x, gamma); default: the only piece."""
+        """Return the piece of H that the state (x, gamma) determines; default: the only piece."""
         return Piece(np.zeros(0, dtype=np.int8))
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        """Return the distances to the borders of ``piece``; default: no borders."""
+        """Return the distances of a state to the borders of ``piece``; default: no borders."""
         return Events(np.zeros(0), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
 
     def statuses(self, point: int) -> Sequence[int]:
@@ -245,7 +251,7 @@ class System:
             gamma: parameter.
             residual: H(x, gamma).
             correction: vector to subtract from x, which is set.
-            piece: piece of H.
+            piece: fixed statuses of all points; None to determine them from the state.
 
         Returns:
             Whether a correction was computed; default: False.
@@ -258,23 +264,22 @@ class System:
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
         """Return the local values of the nonlinear rows of H, if they are cheap to evaluate.
 
-        Default: None on every rank, for no such rows.
+        The default is None on every rank: there are no such rows.
         """
         return None
 
     # -- optional condensation and proofs --------------------------------------------------------
 
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
-        """Return H at (x, gamma) condensed onto the unknowns of the points.
+        """Return the system in the unknowns of the points, all others being eliminated.
 
-        All other unknowns are eliminated. The default is None: H cannot be condensed, because the
-        pieces at the points are not polyhedral cones.
+        The default is None: the system cannot be condensed, because the sets of states with fixed
+        statuses are not polyhedral cones.
 
         Args:
             x: state.
             gamma: parameter.
-            conic: whether the pieces must be polyhedral cones; `prove` also accepts other affine
-                pieces.
+            conic: whether these sets must be cones; `prove` also accepts other polyhedra.
         """
         return None
 
@@ -298,9 +303,10 @@ class System:
         """Compute all rays of a tangent cone with a proof; default: None, no proof is available.
 
         Args:
-            condensed: condensation onto the points at the apex of the cone.
-            cone: tangent cone.
-            known: statuses, shape (m,), and dgamma of each ray that has been computed.
+            condensed: condensation onto the points, at the state from which the rays lead.
+            cone: tangent cone at this state.
+            known: rays that have been computed: statuses of the m points, shape (m,), and rate of
+                gamma, 1, -1 or 0.
         """
         return None
 
@@ -312,7 +318,7 @@ class System:
         Args:
             x: solution.
             gamma: parameter.
-            piece: piece of the solution.
+            piece: statuses of the solution.
         """
         return ""
 
@@ -337,14 +343,14 @@ class System:
         """
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """Context manager in which the data do not change, so that values may be cached.
+        """Return a context in which the data do not change, so that values may be cached.
 
         Every step of a branch runs in this context. It raises `ValueError` if the mesh has moved.
         """
         return nullcontext()
 
     def set_parameter(self, gamma: float) -> None:
-        """Set the parameter in H, for evaluations of another system with the same H.
+        """Set the parameter gamma of H for evaluations of another system that contains H.
 
         The default raises an error.
         """
@@ -354,7 +360,9 @@ class System:
         """Raise `ValueError` if the data are not valid at one of the values ``gammas``."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Context manager that restores the user's data after an error; default: do nothing.
+        """Return a context that restores the user's data after an error.
+
+        The default does nothing.
 
         Args:
             always: whether to restore the data on every exit; default: only after an error.
@@ -366,26 +374,34 @@ class Preconditioner(Protocol):
     """Approximate inverse P^-1 of `System.matrix`, a linear map updated by `System.jacobian`."""
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Write P^-1 r into ``z``. Collective."""
+        """Apply the approximate inverse to ``r``; write the result into ``z``. Collective."""
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Write the unknowns that P^-1 determines exactly into ``z``, and 0 elsewhere. Collective.
+        """Write the unknowns that `apply` determines exactly into ``z``, 0 elsewhere. Collective.
 
-        If the residual r vanishes in the corresponding rows, P^-1 skips the solve for these
+        If the residual ``r`` vanishes in the corresponding rows, `apply` skips the solve for these
         unknowns before its multigrid cycle.
         """
 
     def determinant_sign(self) -> float:
-        """Return the sign of det P up to a constant factor. Collective."""
+        """Return the sign of the determinant of P up to a constant factor. Collective.
+
+        P is the matrix of which `apply` is the inverse.
+        """
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record the iterations of a solve and the decimal digits of its reduction. Collective."""
+        """Record the cost and the success of a linear solve. Collective.
+
+        Args:
+            iterations: number of Krylov iterations.
+            digits: decimal digits by which the residual was reduced.
+        """
 
 
 class Condensed(Protocol):
-    """System condensed onto its points by elimination of all other unknowns, equal on every rank.
+    """System in the unknowns of its points, all other unknowns being eliminated.
 
-    Every method except `piece` is collective.
+    It is equal on every rank. Every method except `piece` is collective.
     """
 
     #: Pieces at the points.
@@ -395,16 +411,16 @@ class Condensed(Protocol):
 
     @property
     def guided(self) -> bool:
-        """Whether points with partly prescribed motion have other statuses than in H."""
+        """Whether points with partly prescribed motion have other statuses here than in H."""
 
     def require_finite(self) -> None:
-        """Raise ``ValueError`` if a number is not finite."""
+        """Raise ``ValueError`` if a coefficient or load of the condensed system is not finite."""
 
     def codes(self, piece: Piece) -> Codes:
-        """Return the statuses of all points, shape (m,)."""
+        """Return the statuses of the points of all ranks, shape (m,)."""
 
     def piece(self, codes: Codes) -> Piece:
-        """Return the piece with the given statuses."""
+        """Return the piece of H with the given statuses of the points of all ranks."""
 
     def point(self, i: int) -> tuple[int, int]:
         """Return the rank that owns point ``i``, and the local number of the point there."""
@@ -414,25 +430,25 @@ class Condensed(Protocol):
         """Whether a theorem guarantees a solution at every gamma. Not collective."""
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """Return the variables w of all points, shape (m, k)."""
+        """Return the variables of all m points in a state ``x``, shape (m, k)."""
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
-        """Write the state in which the points have the variables ``w`` into ``x``."""
+        """Compute all unknowns from the variables ``w`` of the points and write them to ``x``."""
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
 
 
 class FoundState(Protocol):
-    """Solution at the points of a `Condensed` system."""
+    """Solution of a `Condensed` system: statuses and variables of its points."""
 
     @property
     def codes(self) -> Codes:
-        """Statuses, shape (m,)."""
+        """Statuses of the points of all ranks, shape (m,)."""
 
     @property
     def state(self) -> Array:
-        """Variables w of the points, shape (m, k)."""
+        """Variables of the m points, shape (m, k)."""
 
 
 class ProvedSearch(Protocol):
@@ -440,11 +456,11 @@ class ProvedSearch(Protocol):
 
     @property
     def verdict(self) -> str:
-        """Verdict; "complete" if other solutions or rays are excluded."""
+        """Verdict of the proof: "complete" if it excludes other solutions or rays."""
 
     @property
     def method(self) -> str:
-        """Description of the method."""
+        """Description of the method of the proof."""
 
 
 class Proof(ProvedSearch, Protocol):
@@ -456,8 +472,11 @@ class Proof(ProvedSearch, Protocol):
 
 
 class RayProof(ProvedSearch, Protocol):
-    """Result of a proof about the rays of a point."""
+    """Result of a proof about the rays along which solutions can continue from a state."""
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:
-        """Rays whose existence is proved: their statuses, shape (m,), and dgamma, 1 or -1."""
+        """Rays whose existence is proved.
+
+        Each ray consists of the statuses of the points, shape (m,), and the rate of gamma, 1 or -1.
+        """

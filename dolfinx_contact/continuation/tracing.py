@@ -70,7 +70,7 @@ class Tracer(ABC):
     """Base class for tracing branches of one system. All methods are collective.
 
     Attributes:
-        system: system H.
+        system: system H(x, gamma) = 0.
         bordered: bordered system.
         control: step lengths.
         first_step: length of the first step of a branch; 0 if steps have no prescribed length.
@@ -96,9 +96,9 @@ class Tracer(ABC):
     ) -> BranchPoint:
         """Return the point of the branch near (x, gamma), with its tangent.
 
-        Where pieces meet, the tangent is the first existing one of
+        Where statuses can change, the tangent is the first existing one of
 
-        1. the tangent t of the piece determined by the state, if t is an outgoing ray;
+        1. the tangent t with the statuses of the state, if these remain correct along t;
         2. the ray closest to t along which gamma changes in the requested direction;
         3. the ray closest to t along which gamma is constant;
         4. t, if rays may be missing. The first step then searches for the continuation.
@@ -162,24 +162,31 @@ class Tracer(ABC):
         return changing or [p for p, rate in rates if abs(rate) <= least]
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
-        """Return the largest difference of an unknown between a point and a state ``x``."""
+        """Return the largest difference of an unknown between a state and a branch point."""
         return self.bordered.largest(point.y.array_r[: x.getLocalSize()] - x.array_r)
 
     @abstractmethod
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
-        """Return the solution near (x, gamma), with a tangent whose gamma has the given sign."""
+        """Return the solution near (x, gamma), with its tangent.
+
+        Along the tangent, gamma changes with the given sign.
+        """
 
     @abstractmethod
     def _leads_out(self, point: BranchPoint) -> bool:
-        """Return True if the tangent of a point stays inside the piece of the point."""
+        """Return True if the statuses of a point remain correct along its tangent."""
 
     @abstractmethod
     def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
-        """Return the outgoing rays of a point of a branch; None unless pieces meet there."""
+        """Return the outgoing rays of a branch point; None if no status can change there."""
 
     @abstractmethod
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """Return a point from which to trace one of the other rays of a special point.
+        """Return a point from which to trace a ray that a branch has not taken.
+
+        Args:
+            special: special point from which the ray leads.
+            ray: ray to be traced.
 
         Raises:
             ValueError: if no solution is found there.
@@ -191,10 +198,10 @@ class Tracer(ABC):
     def _trace(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
-        """Trace a branch, yielding its points. Record the ending of the branch.
+        """Yield the points of a branch while tracing it, and record how the branch ends.
 
         Args:
-            branch: branch containing its start.
+            branch: branch that contains only its start.
             origin: first point of the branch, to which a closed branch returns.
             gamma_range: range of gamma.
         """
@@ -224,15 +231,15 @@ class Tracer(ABC):
         stepping: Stepping | None = None,
         origin: BranchPoint | None = None,
     ) -> Branch:
-        """Trace a branch from ``start`` along its tangent.
+        """Trace a branch from ``start`` along the tangent there.
 
-        The user's data are left at the end of the branch.
+        Afterwards the user's data are those of the last point.
 
         Args:
             start: first point of this trace.
             gamma_range: range of gamma; the branch ends at either end.
             max_steps: largest number of steps from the first point of the branch.
-            to_node: True to end at the first bifurcation, as in a diagram.
+            to_node: True to end the branch at its first bifurcation, as in a diagram.
             stop: function of every accepted step returning the reason to end the branch there,
                 or "" to continue; default: the branch is not stopped.
             observer: observer of every accepted point, ``start`` included; called after ``stop``.
@@ -307,7 +314,7 @@ class Tracer(ABC):
         return branch
 
     def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
-        """Return the points of a branch at which its parameter is ``gamma``, in order.
+        """Return the points of a branch at which the parameter is ``gamma``, in order.
 
         Gamma is assumed to be monotone between neighbouring points of the branch and smooth folds.
 
@@ -360,8 +367,8 @@ def _add(
     Args:
         branch: branch up to the previous point.
         point: next point.
-        special: special points on the way to it.
-        to_node: True to end the branch at a bifurcation, on the incoming piece.
+        special: special points between the previous point and this one.
+        to_node: True to end the branch at a bifurcation, before its statuses change.
     """
     special = [replace(s, index=len(branch.points)) for s in special]
     branch.special += special
@@ -382,8 +389,8 @@ def _show(progress: Progress, step: BranchStep, number: int, scale: float) -> No
     Args:
         progress: progress line.
         step: accepted step.
-        number: number of special points so far.
-        scale: unit of gamma; values of the size of its round-off are shown as 0.
+        number: number of special points on the branch so far.
+        scale: unit of gamma; values below the round-off of this unit are shown as 0.
     """
     if not progress.due:
         return
