@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dirichlet data at contact nodes, nodes of several surfaces, and prescribed displacements.
+"""Constraints by Dirichlet data: prescribed displacements and removed multipliers.
 
-If Dirichlet data fix the displacement of a contact node, nothing determines its multiplier: the
-reaction belongs to the support. Such multiplier components are removed (identity rows).
+If Dirichlet data fix the displacement of a contact node, its multiplier is not determined, because
+the reaction acts at the support. Such multiplier components are removed: their rows of the
+Jacobian are rows of the identity times a stiffness. The module also checks nodes that belong to
+several surfaces.
 """
 
 from __future__ import annotations
@@ -44,13 +46,14 @@ _SAME = 1e-9  # gap, relative to the size of the body, that counts as zero
 
 @dataclass(eq=False)
 class Ramp:
-    """Load that grows with its fraction s from 0 to 1 (`ContactEquations.ramped`).
+    """Load of which a fraction s, growing from 0 to 1, is applied (`ContactEquations.ramped`).
 
     Attributes:
         u: displacement at all local dofs at the start.
         q: unknowns of the rigid bodies at the start.
         unknowns: all owned unknowns at the start, in the units of the PETSc vectors.
-        rows: rows of H at the start with s = 0; empty before their first evaluation.
+        rows: residual H at the start with s = 0, as arrays of rows by field; empty before its first
+            evaluation.
         fraction: applied fraction s of the load.
     """
 
@@ -70,14 +73,15 @@ class SurfaceConstraints:
             component is fixed if neither the node nor its opposing point can move along it, or if
             both are one node.
         fixed_jumps: mask of the components of the weighted jump that Dirichlet data fix, shape
-            (local multiplier nodes, dim). The weighted jump is the jump that works on a multiplier;
-            with quadratic displacement and linear multipliers it is a mean over the facets of a
-            vertex.
+            (local multiplier nodes, dim). The weighted jump of a multiplier is its work-conjugate;
+            with quadratic displacement and linear multipliers, it is a mean of the jump over the
+            facets around a vertex.
         removed: mask of the removed multiplier components, shape (local multiplier nodes, dim).
         clamped_points: mask of the contact points at nodes whose multiplier components are all
             removed, shape (n,); False at Gauss points.
         owned: number of owned multiplier nodes.
-        normals: normals at the local vertices from which the removed components were determined.
+        normals: normals at the local vertices, used to determine the removed components, shape
+            (vertices, dim).
     """
 
     fixed_nodes: Mask
@@ -110,9 +114,9 @@ class Constraints:
     Attributes:
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
         surfaces: for each surface, the fixed components of jumps and multipliers.
-        ramp: growing load, of which a fraction is applied; None if the full data of the user apply.
-        to_unknowns: map from prescribed displacements to the unknowns of a time step; None if the
-            unknowns are the displacements.
+        ramp: load with its applied fraction; None if the full load is applied.
+        to_unknowns: function mapping prescribed displacements to the unknowns of a time step; None
+            if the unknowns are the displacements.
 
     Raises:
         ValueError: on every rank, if every node of a surface is clamped, or a component that is
@@ -150,7 +154,11 @@ class Constraints:
     # -- values ----------------------------------------------------------------------------------
 
     def values(self, fill: float = np.nan) -> Array:
-        """Return Dirichlet values at the local nodes, ``fill`` at free dofs, shape (n, dim)."""
+        """Return Dirichlet values at the local nodes, shape (n, dim).
+
+        Args:
+            fill: value at free dofs; default: NaN.
+        """
         f = self._read
         f.x.array[:] = fill
         for bc in self._bcs:
@@ -178,23 +186,23 @@ class Constraints:
 
     @property
     def load(self) -> float:
-        """Applied fraction of the load, 1 without a ramp."""
+        """Applied fraction of the load; 1 if the load is not being ramped."""
         return 1.0 if self.ramp is None else self.ramp.fraction
 
     def read_data(self) -> None:
-        """Read the present Dirichlet values, loads and motions of the user. Collective."""
+        """Read the current Dirichlet values, and loads and motions of rigid bodies. Collective."""
         self._data = self.values(fill=0.0).reshape(-1)
         self._rigid.read_data()
 
     def displacement(self) -> Array:
-        """Return prescribed values at the local dofs, 0 at free ones."""
+        """Return the prescribed displacements at the local dofs, 0 at free dofs."""
         values = self._data if self.to_unknowns is None else self.to_unknowns(self._data)
         if self.ramp is not None:
             values = self.ramp.u + self.ramp.fraction * (values - self.ramp.u)
         return np.where(self.fixed.reshape(-1), values, 0.0)
 
     def motions(self) -> Array:
-        """Return prescribed unknowns of the rigid bodies, 0 where they are free."""
+        """Return the prescribed unknowns of the rigid bodies, 0 for free unknowns."""
         values = self._rigid.numbers * self._rigid.units
         if self.ramp is not None:
             values = self.ramp.q + self.ramp.fraction * (values - self.ramp.q)
@@ -203,11 +211,12 @@ class Constraints:
     def reach(self, s: DiscreteSurface, u: Array) -> float:
         """Return the gap up to which open points of a surface are expected to close. Collective.
 
-        It is half the distance by which Dirichlet data will move the body along the mean contact
-        normal, which is the approach at the edge of a Hertzian contact.
+        This gap is half the largest distance by which Dirichlet data will move a node along the
+        mean contact normal. In a Hertzian contact, it is the initial gap at the edge of the contact
+        zone.
 
         Args:
-            s: contact surface; between bodies either body may approach.
+            s: contact surface; in a pair, either body may approach the other.
             u: displacement at all local dofs.
         """
         n = s.points.vertices.dofmap.index_map.size_local
@@ -219,14 +228,14 @@ class Constraints:
         return 0.5 * maximum(s.comm, along)
 
     def check_values(self, surfaces: Sequence[DiscreteSurface], size: float) -> None:
-        """Raise ``ValueError`` for Dirichlet values that contact does not allow. Collective.
+        """Raise ``ValueError`` for Dirichlet values that are incompatible with contact. Collective.
 
-        These are values that are not finite, clamped nodes inside an obstacle, and nodes off their
-        plane of symmetry.
+        Incompatible are values that are not finite, that clamp a node inside an obstacle, or that
+        move a node off its plane of symmetry.
 
         Args:
             surfaces: contact surfaces.
-            size: size of the body, a length.
+            size: extent of the body, a length.
         """
         values = self.values()
         finite = bool(np.isfinite(values[self.fixed]).all())
@@ -242,14 +251,15 @@ class Constraints:
 
 
 def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConstraints:
-    """Return the fixed components of a surface, and raise ``ValueError`` if none is free.
-
-    Collective.
+    """Return the components of a surface that Dirichlet data fix. Collective.
 
     Args:
         s: contact surface.
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
         crossing: mask of the local vertices at which pairs cross.
+
+    Raises:
+        ValueError: on every rank, if no multiplier node keeps a free component.
     """
     at_nodes = _fixed_at_nodes(s, fixed)
     jumps = at_nodes[s.points.trace_nodes]
@@ -287,15 +297,15 @@ def _fixed_at_nodes(s: DiscreteSurface, fixed: Mask) -> Mask:
 def _objection_to_values(
     s: DiscreteSurface, constraints: SurfaceConstraints, prescribed: Array, size: float
 ) -> str:
-    """Return an error message about Dirichlet values at the nodes of a surface. Collective.
+    """Return an error message if Dirichlet values at a surface are not admissible. Collective.
 
-    "" if the values are admissible.
+    The message is empty if they are admissible.
 
     Args:
         s: contact surface.
         constraints: fixed components of the surface.
         prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (n, dim).
-        size: size of the body, a length.
+        size: extent of the body, a length.
     """
     trace = s.points.vertex_nodes
     fixed = constraints.fixed_nodes[trace]
@@ -334,7 +344,7 @@ def _objection_to_values(
 
 
 def _why_none_is_left(s: DiscreteSurface) -> str:
-    """Return the reason why no node of a surface can carry contact. Not collective."""
+    """Return an error message for a surface on which no node can carry contact. Not collective."""
     opposite = s.obstacle.opposite
     if opposite is None or not opposite.none.any():
         return f"{s.name}: Dirichlet data clamp every contact node"
@@ -345,10 +355,15 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
 
 
 def _require_free_nodes(s: DiscreteSurface, fixed: Mask, multipliers: int) -> None:
-    """Raise ``ValueError`` if more nodes have multipliers than can move. Collective.
+    """Raise ``ValueError`` if a surface has more multiplier nodes than free nodes. Collective.
 
-    A face that is one facet wide between clamped edges has more vertices than free nodes, so that
-    pressures would not be unique.
+    This occurs, for example, on a face that is one facet wide between clamped edges. The contact
+    pressures would then not be unique.
+
+    Args:
+        s: contact surface.
+        fixed: mask of the fixed components of the jump, shape (local nodes, dim).
+        multipliers: number of multiplier nodes on all ranks with a free component.
     """
     V = s.u.function_space
     on_face = nodes_on(V, s.submesh.parent_facets)
@@ -412,7 +427,12 @@ def require_no_common_facets(surfaces: Sequence[DiscreteSurface]) -> None:
 
 
 def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) -> None:
-    """Warn of nodes that two surfaces share, except where pairs cross. Collective."""
+    """Warn if two surfaces share nodes that are not crossings of pairs. Collective.
+
+    Args:
+        surfaces: contact surfaces.
+        crossed: mask of the local nodes at which pairs cross.
+    """
     for a, b in combinations(surfaces, 2):
         shared = ~crossed[np.intersect1d(_nodes(a), _nodes(b))]
         if count_of(a.comm, shared) > 0 and a.comm.rank == 0:
@@ -425,7 +445,7 @@ def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) ->
 
 
 def _nodes(s: DiscreteSurface) -> Ints:
-    """Return the local nodes at the vertices of a surface and of its master."""
+    """Return the local nodes of a surface and of its master."""
     if not s.between_bodies:
         return s.points.vertex_nodes.astype(np.int64)
     return np.flatnonzero(np.logical_or(*s.obstacle.opposite.sides))
@@ -445,11 +465,13 @@ def _node_normals(s: DiscreteSurface) -> Array:
 
 
 def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
-    """Return the mask of the multiplier components on whose whole support displacements are fixed.
+    """Return the mask of multiplier components that act on fixed components of the jump only.
+
+    These components of the jump are fixed on all facets around the multiplier node.
 
     Args:
         s: contact surface.
-        fixed: mask of the fixed displacement components, shape (local nodes, dim).
+        fixed: mask of the fixed components of the jump, shape (local nodes, dim).
     """
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])

@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The contact problem H(x) = 0: equilibrium of the body, and the laws at contact points.
+"""The contact problem H(x) = 0: equilibrium of the body, and the laws at contact points.
 
-H has rows of the displacement u, of the multipliers l and of the rigid bodies q:
+The unknowns x are the displacement u, the multipliers l and the unknowns q of the rigid bodies. H
+has rows for each of them:
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
     H_q = sum Phi^T B^T W t - L,        the rigid bodies with loads L (`unknowns`).
 
-`evaluation` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
+R is the residual of the body without contact. At the contact points, W contains the areas,
+t = E l the tractions, j the jumps and tau the tractions required by the law. B maps displacements
+to jumps, and Phi maps q to displacements of nodes (`evaluation`). For bodies of revolution, the
+integrals in R and the areas W have the weight 2 pi r.
 
-Rows are evaluated at the unknowns, which need not satisfy the Dirichlet data g; the derivatives of
-the rows along the step to g are added. Columns of Dirichlet dofs in the Jacobian are thus empty off
-the diagonal. Rows of Dirichlet dofs, of removed multipliers and of prescribed motions are
+The rows are evaluated at x, although u need not satisfy the Dirichlet data g. The derivative of the
+rows along the step from u to g is then added, so that the columns of Dirichlet dofs in the Jacobian
+are empty off the diagonal. Rows of Dirichlet dofs, of removed multipliers and of prescribed
+motions are
 
     H = k (x - g)
 
-with a typical stiffness k, so that every row has the unit of a force.
+with a typical stiffness k and the prescribed value g (0 for multipliers), so that every row has the
+unit of a force.
 
-Every unknown in a vector is a length (`Unknowns`), so the relative sizes of unknowns do not depend
-on the user's units.
+Every unknown in a vector is a length (`Unknowns`), so the relative magnitudes of the unknowns do
+not depend on the user's units.
 
 Evaluations are stateless: statuses are arguments, results are returned, and the memory of earlier
-states is fixed (`with_memory`). They use the values of the user's data that `read_data` read last.
+states is fixed (`with_memory`). They use the values of the user's data as last read by `read_data`.
 """
 
 from __future__ import annotations
@@ -69,11 +75,13 @@ logger = logging.getLogger(__name__)
 
 
 class ContactEquations:
-    """H of a body with contact surfaces. All methods are collective unless they say otherwise.
+    """Residual H(x) of a body with contact surfaces, as a function of PETSc vectors.
+
+    All methods are collective unless they say otherwise.
 
     Args:
         bulk: discrete body.
-        V: space of its displacement.
+        V: space of the displacement.
         surfaces: discretisations of the contact surfaces.
         bcs: Dirichlet conditions.
         r: augmentation parameter, a stiffness per area; None: derived from the stiffness of the
@@ -89,11 +97,12 @@ class ContactEquations:
         constraints: displacement and multiplier components that Dirichlet data fix, and prescribed
             values.
         fixed: mask of the local displacement dofs that Dirichlet data fix.
-        scaling: typical stiffness, augmentation parameters and loose motions.
+        scaling: typical stiffness, augmentation parameters, and rigid motions that only contact can
+            prevent.
         body_size: diagonal of the bounding box of the body, a length.
         axisymmetric: whether the body is a body of revolution.
         linear: whether H is linear in the displacement as long as no status changes.
-        is_weak: whether the law of a surface holds weakly (integral method).
+        is_weak: whether the law of a surface holds weakly (``method="integral"``).
         warnings: warnings about the data, by name (`warn`).
     """
 
@@ -148,10 +157,10 @@ class ContactEquations:
     # -- evaluation ------------------------------------------------------------------------------
 
     def evaluate_contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Evaluate the contact points at ``x``, without the rows of H.
+        """Evaluate the contact points at given unknowns, without the rows of H.
 
         Args:
-            x: unknowns.
+            x: vector of unknowns.
             statuses: statuses for the laws; default: statuses determined by the unknowns.
         """
         u = self.unknowns.displacement(x)
@@ -164,16 +173,16 @@ class ContactEquations:
         return Evaluation(x.array_r.copy(), u, q, surfaces)
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Write H(x) into ``b`` and return the evaluation; see `evaluate`."""
+        """Write H(x) into ``b`` and return the evaluation (`evaluate`)."""
         evaluation = self.evaluate(x, statuses)
         b.array[:] = np.concatenate(evaluation.rows)
         return evaluation
 
     def evaluate(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Evaluate the contact points and the rows of H at ``x``.
+        """Evaluate the contact points and the rows of H at given unknowns.
 
         Args:
-            x: unknowns.
+            x: vector of unknowns.
             statuses: statuses for the laws; default: statuses determined by the unknowns.
         """
         evaluation = self.evaluate_contact(x, statuses)
@@ -198,7 +207,7 @@ class ContactEquations:
         return replace(evaluation, rows=parts, reactions=reactions, pushes=-rows.pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
-        """Return the owned contact rows of H, without evaluating the body.
+        """Return the owned rows of H for the multipliers, without evaluating the body.
 
         Args:
             x: unknowns satisfying the Dirichlet conditions.
@@ -220,11 +229,10 @@ class ContactEquations:
         """Return the owned rows of dH/dgamma for a parameter gamma, at fixed statuses.
 
         Args:
-            evaluation: evaluation with these statuses.
+            evaluation: evaluation of H with the fixed statuses.
             body: rates of the owned rows of the body at fixed unknowns.
-            answers: for each surface, rates of the answers of the law (`SurfaceEvaluation`) at
-                fixed unknowns, shape (n, dim); None for surfaces whose law does not depend on the
-                parameter.
+            answers: for each surface, rates at fixed unknowns of the tractions required by the law,
+                shape (n, dim); None for surfaces whose law does not depend on the parameter.
             dirichlet: rates of the Dirichlet values at all local dofs, 0 at free ones.
             loads: rates of the loads on the rigid bodies, 0 where their motion is prescribed.
             motions: rates of the prescribed motions, 0 where they are free.
@@ -238,13 +246,13 @@ class ContactEquations:
     def _add_rate(
         self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows, *, body: bool
     ) -> None:
-        """Add to rows the derivative of the surface terms along a motion.
+        """Add to rows of H the derivative of the surface terms along a given motion.
 
         Args:
             evaluation: evaluation with the tractions and statuses.
             du: increment of the displacement at all local dofs.
             dq: increment of the unknowns of the rigid bodies.
-            rows: rows that are changed.
+            rows: rows to which the derivative is added.
             body: whether to add the derivative of the bulk term as well.
         """
         if not any_rank(self.comm, du.any() or dq.any()):
@@ -257,12 +265,12 @@ class ContactEquations:
     def _owned_rows(
         self, rows: Rows, off: Array, off_motions: Array, loads: Array, x: PETSc.Vec | None = None
     ) -> list[Array]:
-        """Return the owned rows, by field, from the sums of the terms.
+        """Return the owned rows of H by field, with Dirichlet rows, from the sums of the terms.
 
         Args:
             rows: sums of the terms; the rows of rigid bodies are summed over all ranks.
-            off: differences from the Dirichlet values, at the local displacement dofs.
-            off_motions: differences from the prescribed motions of rigid bodies.
+            off: displacement minus the Dirichlet values, at the local displacement dofs.
+            off_motions: unknowns of the rigid bodies minus their prescribed values.
             loads: loads on the rigid bodies.
             x: unknowns for the rows of removed multipliers; default: 0 in these rows.
         """
@@ -273,10 +281,11 @@ class ContactEquations:
         return [body, *self._law_rows(rows.laws, x), self.rigid.here(rigid)]
 
     def _law_rows(self, laws: Sequence[Array], x: PETSc.Vec | None) -> list[Array]:
-        """Return the rows of the multipliers from the residuals of the tractions at the points.
+        """Return the rows of H for the multipliers from the residuals of the laws at the points.
 
         Args:
-            laws: residuals at the points of each surface, shape (n, dim).
+            laws: residuals t - tau (traction minus traction required by the law) at the points of
+                each surface, shape (n, dim).
             x: unknowns for the rows of removed multipliers; None: 0 in these rows.
         """
         owned: Sequence[Array | float] = [0.0] * len(laws)
@@ -288,7 +297,14 @@ class ContactEquations:
         ]
 
     def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
-        """Return rows of H minus 1 - s times the rows at the start of a growing load."""
+        """Return rows of H reduced by the residual at the start of a gradually applied load.
+
+        The reduction is 1 - s times this residual, where s is the applied fraction of the load.
+
+        Args:
+            rows: rows of H, one array per field.
+            fields: range of these fields among all fields.
+        """
         ramp = self.constraints.ramp
         if ramp is None or not ramp.rows:
             return rows
@@ -313,10 +329,10 @@ class ContactEquations:
     # -- data ------------------------------------------------------------------------------------
 
     def read_data(self) -> bool:
-        """Read the present values of the Functions and Constants of the user.
+        """Read the current values of the user's Functions and Constants.
 
-        Every solve, analysis and evaluation begins with this call, and so does a run or a branch
-        after each change of the load.
+        Call it at the beginning of every solve, analysis and evaluation, and in an evolution or
+        along a branch after each change of the load.
 
         Returns:
             Whether the data of a surface have changed.
@@ -339,15 +355,16 @@ class ContactEquations:
     def ramped(self, x: PETSc.Vec) -> Iterator[Ramp]:
         """Context manager that applies a fraction s of the load, initially 0.
 
-        Prescribed values are interpolated between ``x`` and the data of the user, and the residual
-        at the start is reduced: H(x, s) - (1 - s) H(x_0, 0). This residual contains the loads on an
-        unloaded body and the depth of points that begin inside an obstacle.
+        Prescribed values are interpolated between their values at the start x_0 and the full data.
+        The residual becomes H(x, s) - (1 - s) H(x_0, 0), which is zero at x = x_0 and s = 0. H(x_0,
+        0) contains the loads on an unloaded body and the penetration of points that start inside an
+        obstacle.
 
         Args:
             x: unknowns x_0 at the start.
 
         Yields:
-            Load, whose fraction the caller sets.
+            Load whose fraction s the caller sets.
         """
         self.read_data()
         start = self.unknowns.displacement(x), self.unknowns.motions(x)
@@ -371,7 +388,7 @@ class ContactEquations:
         return all(term.memory is None for term in self.terms)
 
     def warn(self, name: str, text: str) -> None:
-        """Keep a warning about the data for the results, and log a new one on rank 0.
+        """Store a warning about the data for the results, and log it on rank 0 if it is new.
 
         Not collective.
 
@@ -408,18 +425,24 @@ class ContactEquations:
         return self.with_terms([replace(term, memory=m) for term, m in pairs])
 
     def with_terms(self, terms: Sequence[SurfaceTerm]) -> ContactEquations:
-        """Return the same equations with other terms of the surfaces. Not collective."""
+        """Return the same equations with other terms of the contact surfaces. Not collective."""
         equations = copy(self)
         equations.terms = list(terms)
         return equations
 
     def memory_after(self, evaluation: Evaluation) -> tuple[Memory, ...]:
-        """Return the memory after a step ending in this state. Not collective."""
+        """Return the memory of all surfaces after a step that ends in an evaluated state.
+
+        Not collective.
+
+        Args:
+            evaluation: evaluation of the state.
+        """
         return tuple(term.memory_after(evaluation) for term in self.terms)
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:
-    """Return whether a memory belongs to a surface with these points, law and sliding."""
+    """Return whether a memory matches the points, the law and the kind of sliding of a surface."""
     shape = s.points.number, s.dim
     vectors = [memory.jump] if memory.place is None else [memory.jump, memory.place]
     return (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Data of a contact problem: Functions and Constants whose values users may change between solves.
 
-Every datum has a description of its occurrence, for messages.
+Each datum is stored with a description of where it occurs, for messages.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Datum(NamedTuple):
     """A Function or Constant of a problem.
 
     Attributes:
-        place: description of its occurrence, such as "the normal of HalfSpace of 'floor'".
+        place: description of where it occurs, such as "the normal of HalfSpace of 'floor'".
         value: the Function or Constant.
     """
 
@@ -37,7 +37,7 @@ class Datum(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """Present values as a view, with ghosts for a Function."""
+        """Current values of the Function, ghosts included, or of the Constant, as a view."""
         return np.asarray(self.value.x.array if hasattr(self.value, "x") else self.value.value)
 
 
@@ -78,7 +78,11 @@ def data_of_surface(s: DiscreteSurface) -> list[Datum]:
 
 
 def data_within(expressions: Sequence[Any]) -> list[Datum]:
-    """Return the data of the expressions by which gamma drives Dirichlet data."""
+    """Return the Functions and Constants in the expressions that prescribe Dirichlet data.
+
+    Args:
+        expressions: UFL expressions of the load parameter gamma.
+    """
     return [
         d
         for i, e in enumerate(expressions, 1)
@@ -101,9 +105,17 @@ def data_in(e: Any, place: str) -> Iterator[Datum]:
 def _placed(
     place: str, functions: Sequence[Any], constants: Sequence[Any], e: Any = None
 ) -> Iterator[Datum]:
-    """Yield the data of `data_in` for the Functions and Constants of ``e``.
+    """Yield each Function and each Constant with a description of where it occurs.
 
-    UFL sorts Constants by their creation. Those of DOLFINx have no name unless the user sets one.
+    UFL sorts Constants by their creation. Constants of DOLFINx have no name unless the user sets
+    one, so they are numbered in the description.
+
+    Args:
+        place: description of the expression.
+        functions: Functions in the expression.
+        constants: Constants in the expression.
+        e: the expression; a Function or Constant that is the whole expression is described by
+            ``place`` alone.
     """
     for f in functions:
         if isinstance(f, Measured):  # computed at the points from data that do not change

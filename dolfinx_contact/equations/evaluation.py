@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Evaluations of H, and the terms of contact surfaces.
+"""Evaluations of H, and the terms of contact surfaces.
 
-Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; tau is the
-traction required by the law. B maps displacements to jumps (`points.jump_operators`). A surface
-adds
+The contact points of a surface have areas W and jumps j(u, q), which depend on the displacement u
+and on the unknowns q of a rigid body. Their tractions are t = E l with the multipliers l, and tau
+is the traction required by the law. B maps displacements to jumps (`points.jump_operators`). A
+surface adds to the rows of H for u and l
 
     H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)).
 
-If it touches a rigid body with the unknowns q (`unknowns`), it also adds
+If it touches a rigid body, it also adds to the rows for q (`unknowns`)
 
     H_q += Phi^T B^T W t,
 
@@ -59,14 +60,14 @@ class SurfaceEvaluation:
     The *answer* tau of the law is the traction that it requires for jump j and traction t.
 
     Attributes:
-        kinematics: gap, slip and operator B.
+        kinematics: gap, slip, and operator from displacements to jumps.
         traction: contact traction t on the body, a stress, shape (n, dim).
         statuses: status codes with which the law was evaluated, shape (n,).
-        answers: answers of the law for every status.
-        law_traction: traction given to the law, shape (n, dim). It differs from ``traction`` at
-            points that Dirichlet data move along a direction (`SurfaceTerm.driven_directions`).
-        driven: unit vectors of these directions, 0 at other points, shape (n, dim); None without
-            such points.
+        answers: answers tau of the law for every status.
+        law_traction: traction passed to the law, shape (n, dim). It differs from ``traction`` at
+            points that Dirichlet data move along a tangent (`SurfaceTerm.driven_directions`).
+        driven: unit vectors of these tangents, 0 at other points, shape (n, dim); None if there are
+            no such points.
     """
 
     kinematics: Kinematics
@@ -78,23 +79,25 @@ class SurfaceEvaluation:
 
     @property
     def jump(self) -> Array:
-        """Jump j in the law, after subtracting the memory of the slip, shape (n, dim)."""
+        """Jump j passed to the law, shape (n, dim)."""
         return self.kinematics.jump
 
     @property
     def data(self) -> PointData:
-        """Data of the law at the points, including normals and gaps."""
+        """Data with which the law is evaluated at the points, including normals and gaps."""
         return self.kinematics.data
 
     def complete(self, rate: Array) -> Array:
-        """Return the total derivative of tau along a parameter, given that at constant T.
+        """Return the derivative of the required traction tau, including the driven friction.
 
-        The friction T along a driven direction e satisfies T = e . tau. Hence
+        Where Dirichlet data drive a point along a tangent e, the friction T along e satisfies
+        T = e . tau and is part of the traction t passed to the law. The derivative of tau along a
+        parameter is therefore
 
             dtau = rate + p (e . rate) / (1 - e . p),    p = dtau/dt e.
 
         Args:
-            rate: derivative of the answer at constant T, shape (n, dim, ...).
+            rate: derivative of tau along the parameter at constant T, shape (n, dim, ...).
         """
         e = self.driven
         if e is None:
@@ -106,15 +109,16 @@ class SurfaceEvaluation:
 
     @cached_property
     def answer(self) -> Array:
-        """Traction tau required by the law, shape (n, dim)."""
+        """Traction required by the law, shape (n, dim)."""
         return self._present(self.answers.traction(self.statuses))
 
     @cached_property
     def off(self) -> Array:
-        """Residual of the tractions, shape (n, dim). Collective.
+        """Residual of the contact law at the points, shape (n, dim). Collective.
 
-        It is t - tau. At a barely covered slave node, where the law has the weight c
-        (`Operator.share`), it is c (t - tau) + (1 - c) (t - mean of t around the node).
+        It is t - tau, with the traction t and the traction tau required by the law. At a slave node
+        that the master barely covers, the law has a weight c < 1 (`Operator.share`), and the
+        residual is c (t - tau) + (1 - c) (t - mean of t around the node).
         """
         operator = self.kinematics.operator
         off = self.traction - self.answer
@@ -126,20 +130,21 @@ class SurfaceEvaluation:
 
     @cached_property
     def by_jump(self) -> Array:
-        """Derivatives of the answer with respect to the jump, shape (n, dim, dim)."""
+        """Derivatives of the required traction with respect to the jump, shape (n, dim, dim)."""
         return self._present(self.complete(self.answers.by_jump(self.statuses)))
 
     @cached_property
     def by_traction(self) -> Array:
-        """Derivatives of the answer with respect to the traction, shape (n, dim, dim)."""
+        """Derivatives of the required traction by the given traction, shape (n, dim, dim)."""
         return self._present(self.complete(self.answers.by_traction(self.statuses)))
 
     @cached_property
     def by_normal(self) -> Array:
-        """Derivatives of the answer with respect to the normal for a jump that turns with it.
+        """Derivatives of the required traction with respect to the normal, shape (n, dim, dim).
 
-        Shape (n, dim, dim). Laws are objective, tau(R j, R t; R n) = R tau. Hence for the rotation
-        vector w = n x dn of a change dn of the normal
+        The jump turns with the normal. Laws are objective, tau(R j, R t; R n) = R tau for the
+        required traction tau, jump j, traction t, normal n and any rotation R. A change dn of the
+        normal is a rotation by the vector w = n x dn, hence
 
             dtau = w x tau - dtau/dt (w x t).
         """
@@ -148,7 +153,7 @@ class SurfaceEvaluation:
         return np.asarray(turned - self.by_traction @ _turning(n, self.law_traction))
 
     def _present(self, values: Array, other: Array | float = 0.0) -> Array:
-        """Return the values, replaced by ``other`` at points without an opposing point."""
+        """Return values, replaced by ``other`` at contact points without an opposing point."""
         absent = self.kinematics.operator.absent
         if absent is None:
             return values
@@ -156,20 +161,25 @@ class SurfaceEvaluation:
 
     @cached_property
     def by_around(self) -> Array:
-        """Derivatives of the answer of a nonlocal law with respect to its averaged quantity.
+        """Derivatives of the traction required by a nonlocal law, shape (n, dim).
 
-        Shape (n, dim).
+        They are taken with respect to the average over neighbouring points that the law uses.
         """
         return self.answers.by_around(self.statuses)
 
     @property
     def spread_by(self) -> tuple[Array, Array]:
-        """Derivatives of the averaged quantity with respect to jump and traction, (n, dim) each."""
+        """Derivatives of the quantity that a nonlocal law averages over neighbouring points.
+
+        They are taken with respect to the jump and to the traction; two arrays of shape (n, dim).
+        """
         assert self.answers.spreading is not None
         return self.answers.spreading.by_jump, self.answers.spreading.by_traction
 
     def along(self, step: Array) -> Array:
-        """Return the derivative of the answer along a change of the jumps. Collective.
+        """Return the derivative of the required traction along a change of the jumps.
+
+        Collective.
 
         Args:
             step: change of the jumps, shape (n, dim).
@@ -181,7 +191,9 @@ class SurfaceEvaluation:
         return rate
 
     def change(self, v: Array) -> Array:
-        """Return the derivative of -`off` along a displacement at fixed tractions. Collective.
+        """Return minus the derivative of `off` along a displacement, at fixed tractions.
+
+        Collective.
 
         Args:
             v: displacement of the owned nodes, shape (nodes, dim).
@@ -199,17 +211,17 @@ class SurfaceEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Body, contact points and rows of H at one set of unknowns.
+    """Displacements, contact points and rows of H, evaluated at one set of unknowns.
 
     Attributes:
         unknowns: owned unknowns, in the units of the PETSc vectors.
-        u: displacement at all local dofs, including ghosts, a length.
+        u: displacement at all local dofs, including ghosts.
         q: unknowns of the rigid bodies, on every rank (`RigidBodies`).
         surfaces: evaluations of the contact surfaces.
         rows: owned rows of H by field: displacement, multipliers of each surface, rigid bodies;
             including Dirichlet rows and rows of removed multipliers.
-        reactions: owned rows of the displacement before Dirichlet rows are inserted, i.e. support
-            forces on Dirichlet dofs.
+        reactions: owned rows of the displacement before Dirichlet rows are inserted. On Dirichlet
+            dofs they are the support forces.
         pushes: contact forces and moments on the rigid bodies in the units of their rows, equal on
             every rank.
     """
@@ -234,9 +246,14 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
 
 
 def _turning(n: Array, v: Array) -> Array:
-    """Return the matrices of the maps from dn to (n x dn) x v, shape (points, dim, dim).
+    """Return the derivatives of vectors that turn with the normals, shape (points, dim, dim).
 
-    (n x dn) x v = dn (n.v) - n (dn.v) is the change of a vector v that turns with the normal n.
+    If the normal n changes by dn, a vector v that turns with n changes by
+    (n x dn) x v = dn (n.v) - n (dn.v).
+
+    Args:
+        n: unit normals, shape (points, dim).
+        v: vectors, shape (points, dim).
     """
     along = dot(n, v)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
@@ -251,7 +268,8 @@ class Rows:
 
     Attributes:
         body: owned rows of the displacement.
-        laws: residuals of the tractions at the points of each surface, shape (n, dim).
+        laws: residuals of the law at the points of each surface (`SurfaceEvaluation.off`), shape
+            (n, dim).
         pushed: contributions of this rank to the rows of the rigid bodies.
     """
 
@@ -262,7 +280,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTerm:
-    """Term of one contact surface. Methods are collective unless noted otherwise.
+    """Term of H from one contact surface. Methods are collective unless noted otherwise.
 
     Attributes:
         surface: contact surface.
@@ -270,8 +288,8 @@ class SurfaceTerm:
         removed: mask of the owned multipliers removed because of Dirichlet data (`constraints`),
             shape (k,).
         memory: memory of the points at the beginning of the step; None under the static law.
-        strength: prescribed strength of the bonds (`Law.weakening`), shape (n,); None: the law
-            determines it.
+        strength: prescribed strength of the bonds (`Law.weakening`), shape (n,); None if the law
+            determines the strength.
     """
 
     surface: DiscreteSurface
@@ -285,12 +303,12 @@ class SurfaceTerm:
     def evaluate(
         self, u: Array, q: Array, multipliers: Array, statuses: Codes | None
     ) -> SurfaceEvaluation:
-        """Evaluate kinematics and law.
+        """Evaluate the kinematics and the law of the contact points of the surface.
 
         Args:
             u: displacement at all local dofs.
             q: unknowns of the rigid bodies.
-            multipliers: owned multipliers, a stress.
+            multipliers: owned values of the multipliers, in units of stress.
             statuses: statuses for the law, shape (n,); None: statuses determined by the unknowns.
         """
         at = self.kinematics(u, q)
@@ -306,9 +324,9 @@ class SurfaceTerm:
     def _law(
         self, at: Kinematics, traction: Array, statuses: Codes | None
     ) -> tuple[Codes, Answers]:
-        """Return statuses, and the answers of the law to a traction. See `evaluate`.
+        """Return the statuses of the points, and the answers of the law to a traction.
 
-        Collective for nonlocal laws alone.
+        Collective for nonlocal laws only. The arguments are those of `evaluate`.
         """
         s = self.surface
         if self.strength is None:
@@ -326,14 +344,16 @@ class SurfaceTerm:
 
     @cached_property
     def driven_directions(self) -> Array | None:
-        """Tangents along which Dirichlet data fix the jump of a point that is free across them.
+        """Tangents along which Dirichlet data fix the jump, at points that are otherwise free.
 
-        The multiplier along such a direction e is removed. If the data move the point along e, it
-        slips, and the law determines the friction T = e . tau. T belongs to the traction given to
-        the law; otherwise the friction across e would depend on the augmentation parameter r.
+        The multiplier along such a tangent e is removed. If the data move the point along e, the
+        point slips, and the law determines the friction T = e . tau, where tau is the required
+        traction. T is part of the traction passed to the law; otherwise the friction perpendicular
+        to e would depend on the augmentation parameter r.
 
-        Unit vectors, 0 at other points, shape (n, dim). None without such points on this rank, for
-        nonlocal laws, and if several multipliers act at a point. Not collective.
+        The tangents are unit vectors, 0 at other points, shape (n, dim). The value is None if there
+        are no such points on this rank, for nonlocal laws, and if several multipliers act at a
+        point. Not collective.
         """
         s = self.surface
         local = not s.is_weak and s.law.averaging is None
@@ -344,9 +364,9 @@ class SurfaceTerm:
         return np.where(one[:, None], removed, False).astype(float) if one.any() else None
 
     def _driven(self, at: Kinematics, answers: Answers) -> Array | None:
-        """Return `driven_directions` at the points that slip along them; None without such points.
+        """Return the `driven_directions` at points that slip along them, 0 at other points.
 
-        Not collective.
+        None if there are no such points. Not collective.
         """
         e = self.driven_directions
         if e is None:
@@ -358,16 +378,17 @@ class SurfaceTerm:
     def _with_driven_friction(
         self, at: Kinematics, traction: Array, statuses: Codes | None, e: Array, answers: Answers
     ) -> Array:
-        """Return the traction with the friction T along the driven directions e, T = e . tau.
+        """Return the traction with the friction T added along the driven directions e.
 
-        Newton's method starts at the largest friction; for a friction disc it converges
-        monotonically. T is NaN where it does not converge. Not collective.
+        T is the component along e of the required traction. It is computed by Newton's method,
+        which starts at the largest friction and converges monotonically for a friction disc. T is
+        NaN at points where the method does not converge. Not collective.
 
         Args:
-            at: kinematics.
+            at: kinematics of the points.
             traction: traction without T, shape (n, dim).
             statuses: statuses for the law; None: those determined by the unknowns.
-            e: driven directions.
+            e: driven directions (`driven_directions`), shape (n, dim).
             answers: answers of the law to ``traction``.
         """
         bound = np.fmax(answers.bound, 0.0)
@@ -385,12 +406,17 @@ class SurfaceTerm:
         return traction + T[:, None] * e
 
     def kinematics(self, u: Array, q: Array) -> Kinematics:
-        """Return gap, slip and B at a displacement and unknowns of the rigid bodies."""
+        """Return gap, slip, and operator from displacements to jumps, at the points.
+
+        Args:
+            u: displacement at the first local dofs, at least at all owned ones.
+            q: unknowns of the rigid bodies.
+        """
         s = self.surface
         return s.kinematics(u.reshape(-1, s.dim), self.motion(q), self.memory)
 
     def gaps(self, evaluation: Evaluation) -> Array:
-        """Return the gaps of the law at the points; in the mixed method without averaging."""
+        """Return the gaps at the points, shape (n,); not averaged if ``method="mixed"``."""
         s = self.surface
         if s.method != "mixed" or s.slides:
             return evaluation.surfaces[self.number].kinematics.gap
@@ -399,7 +425,10 @@ class SurfaceTerm:
         return np.asarray(s.points.gaps - dot(jumps, s.points.data.n))
 
     def memory_after(self, evaluation: Evaluation) -> Memory:
-        """Return the memory after a step ending in a state. Not collective."""
+        """Return the memory of the points after a step that ends in an evaluated state.
+
+        Not collective.
+        """
         s = self.surface
         contact = evaluation.surfaces[self.number]
         fields = {name: contact.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
@@ -416,7 +445,11 @@ class SurfaceTerm:
     # -- motion relative to the obstacle, overridden by `RigidTerm` ----------------------------
 
     def motion(self, q: Array) -> Array | None:
-        """Return the motion of the rigid body of the surface; None without one."""
+        """Return the motion of the rigid body that the surface touches; None if there is none.
+
+        Args:
+            q: unknowns of all rigid bodies.
+        """
         return None
 
     def relative(self, u: Array, q: Array) -> Array:
@@ -434,30 +467,30 @@ class SurfaceTerm:
         Args:
             u: displacement at the first local dofs, at least at all owned ones.
             q: unknowns of the rigid bodies.
-            du: increment of ``u``.
-            dq: increment of ``q``.
+            du: direction of the derivative with respect to ``u``.
+            dq: direction of the derivative with respect to ``q``.
         """
         return du.reshape(-1, self.surface.dim)[: self.surface.owned_nodes]
 
     # -- rows ------------------------------------------------------------------------------------
 
     def add_forces(self, evaluation: Evaluation, rows: Rows) -> Array:
-        """Subtract the contact forces at a state from the rows; return the forces."""
+        """Subtract the nodal contact forces from the rows of H, and return these forces."""
         contact = evaluation.surfaces[self.number]
         forces = contact.kinematics.operator.transpose(contact.traction)
         rows.body -= forces
         return forces
 
     def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
-        """Add to rows the derivative of the term along a motion, at fixed tractions and statuses.
+        """Add to rows of H the derivative of this term along a motion of bodies.
 
-        Rows of rigid bodies are not changed.
+        Tractions and statuses are fixed. Rows of rigid bodies are not changed.
 
         Args:
             evaluation: evaluation with the tractions and statuses.
             du: increment of the displacement at all local dofs.
             dq: increment of the unknowns of the rigid bodies.
-            rows: rows that are changed.
+            rows: rows to which the derivative is added.
         """
         contact = evaluation.surfaces[self.number]
         step = self.relative_rate(evaluation.u, evaluation.q, du, dq)
@@ -467,9 +500,10 @@ class SurfaceTerm:
 
 @dataclass(frozen=True, eq=False)
 class RigidTerm(SurfaceTerm):
-    """Term of a surface that touches a rigid body. Methods are collective unless noted otherwise.
+    """Term of H that a surface touching a rigid body contributes.
 
-    It also adds the forces on the rigid body, H_q += Phi^T B^T W t.
+    It also adds contact force and moment on the rigid body to the rows of the rigid bodies. Methods
+    are collective unless noted otherwise.
 
     Attributes:
         bodies: rigid bodies of the problem.
@@ -485,7 +519,7 @@ class RigidTerm(SurfaceTerm):
 
     @cached_property
     def motion_slice(self) -> slice:
-        """Index range of the motion of the rigid body among the unknowns q."""
+        """Index range of the motion of the rigid body among the unknowns of all rigid bodies."""
         return self.bodies.slices[self.body]
 
     def motion(self, q: Array) -> Array:
@@ -500,7 +534,7 @@ class RigidTerm(SurfaceTerm):
         return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
 
     def motions_at_points(self) -> Array:
-        """Return B Phi: motion of each point per unknown of the rigid body, shape (n, dim, k)."""
+        """Return displacements of the points per unknown of the rigid body, shape (n, dim, k)."""
         s = self.surface
         operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]
@@ -509,12 +543,13 @@ class RigidTerm(SurfaceTerm):
         return np.stack(fields, axis=2)
 
     def pushes(self, forces: Array, u: Array, q: Array) -> Array:
-        """Return the contribution of this rank to Phi^T f, forces on rigid bodies. Not collective.
+        """Return the contribution of this rank to the contact forces on rigid bodies.
 
-        On a curved obstacle in large sliding, moments are taken in the displaced position.
+        The result contains the forces and moments in the rows of the rigid bodies. On a curved
+        obstacle in large sliding, moments are taken in the displaced position. Not collective.
 
         Args:
-            forces: contact forces f on the owned nodes, shape (dim n,).
+            forces: contact forces on the owned nodes, shape (dim n,).
             u: displacement at the first local dofs, at least at all owned ones.
             q: unknowns of the rigid bodies.
         """
@@ -539,8 +574,9 @@ class RigidTerm(SurfaceTerm):
     def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
         """See `SurfaceTerm.add_rate`.
 
-        Jump and normal turn with the frame of the body. Laws are objective, so a rotation w adds
-        w x tau - dtau/dt (w x t).
+        Jump and normal turn with the frame of the rigid body. Laws are objective, so a rotation w
+        of the frame changes the required traction tau by w x tau - dtau/dt (w x t), with the
+        traction t.
         """
         super().add_rate(evaluation, du, dq, rows)
         if not self.surface.partner.turns:

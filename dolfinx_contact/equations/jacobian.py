@@ -1,28 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The Jacobian of H: the stiffness of the body, and contact terms that depend on statuses.
+"""The Jacobian of H: the stiffness K of the body, and contact terms S that depend on statuses.
 
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows only at contact nodes, multipliers and rigid bodies. Rows and columns of Dirichlet dofs
-are empty; rows of removed multipliers have a typical stiffness on the diagonal. The pattern of S
-never changes, so new statuses change only its values. For sliding faces it changes with each search
-for opposing facets (`sliding`).
+The blocks belong to the displacements u and the multipliers l. At the contact points, B u are the
+jumps j, E l the tractions t, and W the areas; D_j and D_t are the derivatives of the traction
+tau(j, t) required by the law.
 
-With a rigid body the jump is B (u - Phi q), so the contact terms of a surface are bordered by
+S has nonzero rows only at contact nodes, multipliers and rigid bodies. Rows and columns of
+Dirichlet dofs are empty in S; rows of removed multipliers have a typical stiffness on the diagonal.
+The pattern of S never changes, so new statuses change only its values. For sliding faces it changes
+with each search for opposing facets (`sliding`).
+
+With a rigid body the jump is B (u - Phi q), where column k of Phi contains the displacements of the
+nodes for the unknown q_k = 1. The Jacobian then has the additional blocks
 
     [ .                    (B Phi)^T W E ]
     [ E^T W D_j B Phi      .             ]
 
 in the rows and columns of q and of the multipliers (`_RigidTerms`).
 
-The answer of a nonlocal law is tau(j, t; N q) with the averaged quantity q(j, t) and the matrix N
-of the surface, so the contact rows contain the additional term
+A nonlocal law requires the traction tau(j, t; N q), where N averages a quantity q(j, t) over
+neighbouring points. The contact rows then contain the additional term
 
-    -E^T W D_s N (q_j B, q_t E)
+    -E^T W D_s N (q_j B, q_t E),
 
-outside the blocks of single points (`_SpreadTerms`). N and the pattern of the product are
-constant.
+which couples different points (`_SpreadTerms`). D_s is the derivative of tau with respect to N q,
+and q_j and q_t are the derivatives of q. N and the pattern of the product are constant.
 """
 
 from __future__ import annotations
@@ -54,8 +59,8 @@ __all__ = ["ContactTerms", "Jacobian", "JacobianSolver"]
 class JacobianSolver:
     """Linear solver of a contact problem: its Jacobian and preconditioner. Methods are collective.
 
-    The problem owns the solver. A branch traced with the solver is a second owner until the branch
-    ends. The solver is freed when its last owner releases it.
+    The solver counts its owners. The problem is one; while a branch is being traced with the
+    solver, the branch is another one. The solver is freed when its last owner releases it.
 
     Attributes:
         matrix: Jacobian, for SNES.
@@ -82,7 +87,7 @@ class JacobianSolver:
 
     @property
     def preconditioner(self) -> Preconditioner | None:
-        """Preconditioner for systems containing the Jacobian; None if these must be factorised."""
+        """Preconditioner for systems that contain the Jacobian; None if they must be factorised."""
         return None
 
     def update(self, evaluation: Evaluation) -> None:
@@ -90,26 +95,28 @@ class JacobianSolver:
         raise NotImplementedError
 
     def correct(self, evaluation: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """Solve the rows of the contact surface for its unknowns.
+        """Solve the rows of H on the contact surface for the unknowns of the surface.
 
         Args:
             evaluation: evaluation of H.
-            residual: H.
-            correction: vector that receives the vector to subtract, zero off the surface.
+            residual: residual H.
+            correction: vector that receives the correction, to be subtracted from the unknowns;
+                zero off the surface.
 
         Returns:
-            Whether there is a correction.
+            Whether a correction was computed.
         """
         return False
 
 
 @dataclass(frozen=True)
 class _Dofs:
-    """Unknowns of one surface: their indices among all unknowns, and the stencils that use them.
+    """Indices of the unknowns of one surface among all unknowns, for each group of points.
 
     Attributes:
-        operator: operator B, whose stencils are groups of points with common dofs.
-        unit: ratio of multipliers (tractions) to their unknowns.
+        operator: operator from displacements to jumps, whose stencils list groups of points with
+            common nodes.
+        unit: factor from the unknowns of the multipliers to the multipliers, which are tractions.
         bodies: indices of the displacements among all unknowns, -1 if fixed, shape (groups, k, dim)
             for k nodes per group.
         multipliers: indices of the multipliers among all unknowns, -1 if removed, shape
@@ -123,20 +130,27 @@ class _Dofs:
 
     @cached_property
     def weighted(self) -> Array:
-        """Products W_p e_pl of areas and multiplier weights, shape (groups, points, l)."""
+        """Products of point areas and multiplier weights, shape (groups, points, l).
+
+        Here l is the number of multiplier nodes per group.
+        """
         stencils = self.operator.stencils
         return self.operator.areas[stencils.points][..., None] * stencils.multiplier_weights
 
 
 def _flat(*blocks: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Broadcast row and column indices of blocks of entries and return them as flat arrays."""
+    """Return row and column indices of all entries of given blocks as two flat arrays.
+
+    Args:
+        blocks: row and column indices of each block, which are broadcast against each other.
+    """
     pairs = [np.broadcast_arrays(*block) for block in blocks]
     rows = np.concatenate([row.reshape(-1) for row, _ in pairs])
     return rows, np.concatenate([column.reshape(-1) for _, column in pairs])
 
 
 class _PointTerms:
-    """Entries of one surface that couple only the unknowns of single points."""
+    """Entries of the Jacobian from forces, jumps and the law at single points of one surface."""
 
     def __init__(self, dofs: _Dofs):
         self._dofs = dofs
@@ -154,7 +168,7 @@ class _PointTerms:
         return _flat(force, jump, traction)
 
     def values(self, contact: SurfaceEvaluation) -> Array:
-        """Return the entries of S at an evaluation."""
+        """Return the values of the entries at an evaluation."""
         stencils = self._dofs.operator.stencils
         unit, weighted = self._dofs.unit, self._dofs.weighted
         at = stencils.points
@@ -178,13 +192,13 @@ class _PointTerms:
 
 
 class _RigidTerms:
-    """Entries of one surface touching a rigid body.
+    """Entries of the Jacobian that couple a surface with the rigid body that it touches.
 
     Args:
         dofs: unknowns of the surface.
         motions: indices of the k unknowns of the rigid body among all unknowns, -1 if prescribed,
             shape (k,).
-        at_points: B Phi, the motion of each point per unknown of the rigid body, shape (n, dim, k).
+        at_points: displacement of each point per unknown of the rigid body, shape (n, dim, k).
     """
 
     def __init__(self, dofs: _Dofs, motions: Ints, at_points: Array):
@@ -198,7 +212,7 @@ class _RigidTerms:
         return _flat((q, m), (m, q))
 
     def values(self, contact: SurfaceEvaluation) -> Array:
-        """Return the entries at an evaluation. Collective."""
+        """Return the values of the entries at an evaluation. Collective."""
         at = self._dofs.operator.stencils.points
         weighted = self._dofs.weighted
         force = np.einsum("gpl,gpia->glia", weighted, self._at_points[at])
@@ -209,14 +223,14 @@ class _RigidTerms:
 
 
 class _SpreadTerms:
-    """Entries of one surface with a nonlocal law. All methods are collective.
+    """Entries of the Jacobian that couple different points of a surface by a nonlocal law.
 
-    They are a product of three matrices: one from points to multipliers, N, and one from unknowns
-    to points.
+    They form the product of three matrices: a matrix from points to multipliers, the averaging
+    matrix N of the law, and a matrix from unknowns to points. All methods are collective.
 
     Args:
         dofs: unknowns of the surface.
-        law: law of the surface, with the matrix N.
+        law: law of the surface, with its averaging matrix N.
         comm: communicator of the problem.
         unknowns: number of unknowns of this rank.
     """
@@ -241,7 +255,10 @@ class _SpreadTerms:
         return self._rows, self._columns
 
     def values(self, contact: SurfaceEvaluation) -> Array:
-        """Return the entries at an evaluation; zeros if it used a local law. Collective."""
+        """Return the values of the entries at an evaluation. Collective.
+
+        They are 0 if the evaluation used a local law.
+        """
         if contact.answers.spreading is None:
             return np.zeros(len(self._rows))
         stencils = self._dofs.operator.stencils
@@ -267,7 +284,7 @@ class _SpreadTerms:
 
 
 class ContactTerms:
-    """Entries of S on this rank.
+    """Entries on this rank of the contact terms S of the Jacobian.
 
     Args:
         equations: contact problem.
@@ -311,21 +328,27 @@ class ContactTerms:
 
     @property
     def changed(self) -> bool:
-        """Whether the pattern has changed since `set_up`, so matrices must be created again."""
+        """Whether the sparsity pattern has changed since `set_up`.
+
+        If so, matrices with this pattern must be created again.
+        """
         return any([terms.changed for _, terms in self._sliding])
 
     def set_up(self) -> list[Entries]:
-        """Return the global rows and columns of the entries. Collective."""
+        """Return the global row and column indices of all entries. Collective."""
         sliding = [part for _, terms in self._sliding for part in terms.set_up()]
         return [self._entries, *sliding]
 
     def create_matrix(self) -> PETSc.Mat:
-        """Return a matrix of zeros with the pattern of S, on all unknowns. Collective."""
+        """Return a zero matrix on all unknowns with the pattern of the contact terms.
+
+        Collective.
+        """
         n = sum(self._equations.owned_sizes)
         return matrix_of(self._equations.comm, (n, n), *self.set_up())
 
     def add(self, evaluation: Evaluation, A: PETSc.Mat) -> None:
-        """Add S at an evaluation to ``A``. Collective."""
+        """Add the contact terms at an evaluation to a matrix. Collective."""
         parts = [block.values(evaluation.surfaces[i]) for i, block in self._blocks]
         diagonal = self._equations.scaling.stiffness * self._diagonal
         self._entries.add(np.concatenate([diagonal, *parts]), A)
@@ -362,23 +385,36 @@ class _Numbering:
         self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return the global indices of the unknowns at global nodes of a field. Collective.
+        """Return the global indices of the unknowns at given nodes. Collective.
 
-        Nodes of shape (...) give indices of shape (..., dim).
+        The indices have shape (..., dim) for nodes of shape (...).
+
+        Args:
+            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
+                i.
+            nodes: global nodes of this field.
         """
         return self.dof_places(field, self._dim * nodes[..., None] + np.arange(self._dim))
 
     def dof_places(self, field: int, dofs: Ints) -> Ints:
-        """Return the global indices of the unknowns at global dofs of a field. Collective."""
+        """Return the global indices of the unknowns at given dofs. Collective.
+
+        Args:
+            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
+                i.
+            dofs: global dofs of this field.
+        """
         owned = self._owned[field].astype(np.float64)
         return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
     def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
-        """Return the global indices of the columns of the stiffness. Collective.
+        """Return the global indices of the unknowns that belong to columns of the stiffness.
+
+        Collective.
 
         Args:
-            columns: global dofs of the columns, most of them owned.
-            owned: range of the owned dofs.
+            columns: columns as global displacement dofs, most of them owned by this rank.
+            owned: first owned dof, and one past the last.
         """
         first, end = owned
         places = np.empty(len(columns), dtype=np.int64)
@@ -390,7 +426,9 @@ class _Numbering:
 
 
 class Jacobian:
-    """Assembled Jacobian. The stiffness of a linear body is inserted once.
+    """Assembled Jacobian of the contact problem.
+
+    The stiffness of a linear body is inserted only once.
 
     Args:
         equations: contact problem.
@@ -418,7 +456,7 @@ class Jacobian:
         self._replaced: PETSc.Mat | None = None
 
     def _created(self) -> PETSc.Mat:
-        """Return a matrix with the present pattern, to be assembled. Collective."""
+        """Return a new unassembled matrix with the current sparsity pattern. Collective."""
         size = sum(self._equations.owned_sizes)
         parts = self._fixed, self._body, *self._terms.set_up()
         matrix = matrix_of(self._equations.comm, (size, size), *parts)

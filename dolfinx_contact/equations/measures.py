@@ -69,14 +69,15 @@ _TURNED = (
 
 @dataclass(frozen=True)
 class Measures:
-    """Relative residuals, each the largest entry over all ranks.
+    """Relative residuals, each the largest value over all ranks.
 
     Attributes:
-        force: residual of the equilibrium of free nodes and rigid bodies, over the force scale.
-        constraint: residual of Dirichlet data and prescribed motions, gap of closed points and slip
-            of stuck points, over the length scale.
-        cone: residual of the traction of open points and of the shear of slipping points, over the
-            force scale.
+        force: residual of the equilibrium of free nodes and rigid bodies, divided by the force
+            scale.
+        constraint: largest error of Dirichlet data and prescribed motions, gap of closed points and
+            slip of stuck points, divided by the length scale.
+        cone: residual of the traction of open points and of the shear of slipping points, divided
+            by the force scale.
     """
 
     force: float
@@ -85,12 +86,14 @@ class Measures:
 
     @cached_property
     def worst(self) -> float:
-        """Largest of the three measures."""
+        """Largest of the three relative residuals."""
         return float(np.max([self.force, self.constraint, self.cone]))
 
 
 class Scales(NamedTuple):
-    """Scales of the residual, which never decrease during a solve or along a branch.
+    """Force and length by which residuals are divided.
+
+    They never decrease during a solve or along a branch.
 
     Attributes:
         force: largest nodal force so far.
@@ -102,25 +105,30 @@ class Scales(NamedTuple):
 
 
 def least_scales(equations: ContactEquations, length: float) -> Scales:
-    """Return lower bounds of the scales; 0 and 0 if displacements exceed round-off.
+    """Return lower bounds of the force and length scales of a body that hardly moves.
 
-    Displacements up to 1e-12 of the body size count as zero, and so do the nodal forces that cause
-    them.
+    Displacements up to 1e-12 of the body size, and the nodal forces that cause them, count as zero.
+    They are the bounds. If the displacements are larger, both bounds are 0.
 
     Args:
         equations: contact problem.
-        length: size of the displacements.
+        length: largest displacement.
     """
     none = _NOTHING * equations.body_size
     return Scales(equations.scaling.stiffness * none, none) if length <= none else Scales()
 
 
 def round_off_force(equations: ContactEquations, displacement: float) -> float:
-    """Return the nodal force that counts as round-off at a displacement of this size.
+    """Return the nodal force below which forces count as round-off.
 
-    If a body moves without resistance, all forces are round-off of stiffness times motion, and no
-    other force scale is available. Stresses of a nonlinear body are differences of terms as large
-    as its moduli, so their round-off is 1e-15 of the moduli even without load.
+    If a body moves without resistance, all forces are round-off errors of stiffness times
+    displacement, and no other force scale is available. Stresses of a nonlinear body are
+    differences of terms as large as its moduli, so their round-off is 1e-15 of the moduli even
+    without load.
+
+    Args:
+        equations: contact problem.
+        displacement: largest displacement.
     """
     strain = 0.0 if equations.bulk.linear else 1e-5 * equations.body_size
     return equations.scaling.stiffness * max(1e-4 * displacement, strain)
@@ -133,11 +141,11 @@ def measure(
     *,
     settled: bool = False,
 ) -> tuple[Measures, Scales]:
-    """Return the measures of the rows of H, and the scales including this state. Collective.
+    """Return the relative residuals of a state, and the scales updated by it. Collective.
 
     Args:
         eq: contact problem.
-        evaluation: evaluation with the rows of H.
+        evaluation: evaluation of the state with the rows of H.
         scales: force and length scales of earlier states; default: none.
         settled: whether the state is expected to be a solution; the scales are then bounded from
             below by `least_scales`. Default: False.
@@ -176,8 +184,8 @@ def measure(
 def require_solution(problem: Any, hint: str = "") -> None:
     """Raise ``ValueError`` unless the state in the Functions solves the current problem.
 
-    Collective. The statuses are determined from the unknowns, because stored statuses would not
-    reveal a change of the friction coefficient.
+    Statuses are determined from the unknowns; stored statuses could hide a change of the friction
+    coefficient. Collective.
 
     Args:
         problem: contact problem, or problem of a step.
@@ -202,7 +210,7 @@ def require_solution(problem: Any, hint: str = "") -> None:
 
 
 def local_displacement(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness: Array) -> float:
-    """Return the largest displacement that contact forces would cause, each at its own node.
+    """Return the largest displacement that a contact force would cause at its own node.
 
     All other nodes are fixed. Only nodes of this rank are considered.
 
@@ -223,15 +231,23 @@ def local_displacement(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness
 def _of_surface(
     s: DiscreteSurface, contact: SurfaceEvaluation, rows: Array, stiffness: Array
 ) -> tuple[float, float, float, float]:
-    """Return measures and scales of a surface on this rank. Collective.
+    """Return residuals and scales of one surface on this rank. Collective.
 
-    Where each row belongs to one point, the status distinguishes lengths (gap and tangential
-    displacement of a closed point, times r and the area) from forces (traction of an open point,
-    shear of a slipping one); in the integral method every row counts as both.
+    With ``method="nodal"`` or ``"mixed"`` each row belongs to one point, whose status determines
+    the meaning of the row. For a closed point, gap and tangential displacement, times r and the
+    area, are lengths. The traction of an open point and the shear of a slipping point are forces.
+    With ``method="integral"`` every row counts as both.
+
+    Args:
+        s: contact surface.
+        contact: evaluation of the surface.
+        rows: owned rows of H for the multipliers.
+        stiffness: stiffness per area of the nodes at the local vertices, shape (vertices,).
 
     Returns:
-        Largest length and largest force in the rows; largest nodal contact force; and largest
-        displacement that a nodal contact force would cause or that removes an initial penetration.
+        Largest length and largest force in the rows; largest nodal contact force; and a length
+        scale, the larger of the displacement by a nodal contact force (`held_back`) and the largest
+        initial penetration.
     """
     points = s.points
     overlap = np.max(-points.vertex_gaps, initial=0.0)
@@ -269,10 +285,14 @@ def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
 
 
 def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message if a body slides away without equilibrium; otherwise "". Collective.
+    """Return a message if a body has slid away because nothing balances its loads.
 
-    If the loads have no equilibrium, a body slides away, and residuals relative to the nodal forces
-    of such displacements are meaningless.
+    Residuals relative to the nodal forces of such large displacements are meaningless. The message
+    is empty if no body slides away. Collective.
+
+    Args:
+        eq: contact problem.
+        x: unknowns.
     """
     parts = eq.unknowns.blocks(x)
     values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
@@ -287,7 +307,7 @@ def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
 
 
 def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message about a hyperelastic body turned inside out; "" if it is not. Collective."""
+    """Return a message if a hyperelastic body is turned inside out; otherwise "". Collective."""
     if eq.bulk.linear:
         return ""
     smallest, place = smallest_jacobian(
@@ -327,7 +347,7 @@ def fixed_along_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
 
 
 def without_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return a message about a displaced point without a normal; "" if all have one. Collective."""
+    """Return a message if a displaced point has no normal; otherwise "". Collective."""
     for s, contact in zip(eq.surfaces, evaluation.surfaces, strict=True):
         data = contact.data
         place = contact.kinematics.place

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""H(x, gamma) = 0: a contact problem with a parameter, as a `System` of the continuation."""
+"""Contact problem H(x, gamma) = 0 with a parameter gamma, as a `System` of the continuation."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ _MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batche
 
 
 class ParametricEquations(System):
-    """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
+    """Residual H(x, gamma) of a contact problem with a parameter gamma, for the continuation.
 
-    Statuses are defined in `laws.status`. Evaluations set the Constant gamma and the driven
-    Functions.
+    H is piecewise smooth; each piece corresponds to one combination of statuses of the contact
+    points (`laws.status`). Evaluations set the Constant gamma and the driven Functions.
 
     Args:
         equations: contact problem.
@@ -116,9 +116,10 @@ class ParametricEquations(System):
     # -- data ------------------------------------------------------------------------------------
 
     def _given(self) -> list[Any]:
-        """Return the Functions and Constants of the data, except gamma and driven Functions.
+        """Return the Functions and Constants of the problem that are not set by the continuation.
 
-        The data of the expressions that drive Dirichlet data are included.
+        These are all data except gamma and the driven Functions, and include the data in the
+        expressions of driven Functions.
         """
         driven = [
             dirichlet_value(bc)
@@ -132,14 +133,14 @@ class ParametricEquations(System):
 
     @property
     def _driven_expressions(self) -> list[Any]:
-        """UFL values of the driven Functions."""
+        """UFL expressions that determine the values of the driven Functions."""
         return [d.expression for d in self._driven]
 
     def not_affine_in(self, other: fem.Constant) -> str:
         """Return the reason why the data are not affine in another parameter; "" if they are.
 
-        Loads, gaps and fields of the laws must be affine in it; the stiffness, the normals and the
-        derivatives with respect to gamma must not contain it.
+        Loads, gaps and fields of the laws must be affine in this parameter. The stiffness, the
+        normals and the derivatives with respect to gamma must not contain it.
         """
         eq = self.equations
         rate = Rate(other)
@@ -160,7 +161,7 @@ class ParametricEquations(System):
         return checksum(self._data)
 
     def _set(self, gamma: float) -> None:
-        """Set gamma in the forms and Dirichlet data. Collective."""
+        """Set the Constant gamma and the driven Functions to a value of gamma. Collective."""
         self.constant.value = gamma
         if self._driven_at == gamma:
             return
@@ -169,7 +170,7 @@ class ParametricEquations(System):
         self._driven_at = gamma if self._is_undisturbed else None
 
     def _equations_at(self, gamma: float) -> ContactEquations:
-        """Return the equations with the data at gamma. Collective."""
+        """Set gamma, read the data, and return the equations at this gamma. Collective."""
         self._set(gamma)
         self.equations.read_data()
         return self.equations
@@ -223,7 +224,10 @@ class ParametricEquations(System):
 
     @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]
-        """Whether kinks are passed in batches by default: in 3D with many contact points."""
+        """Whether the continuation passes kinks in batches by default.
+
+        True for 3D problems with many contact points.
+        """
         points = sum(s.points.number_everywhere for s in self.equations.surfaces)
         return self.equations.dim == 3 and points > _MANY_POINTS
 
@@ -252,19 +256,25 @@ class ParametricEquations(System):
 
     @property
     def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
-        """Preconditioner of the linear solver; None if it is direct. Collective."""
+        """Preconditioner of the linear solver; None for a direct solver. Collective."""
         return self._jacobian_solver.preconditioner
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
-        """Derivative of H with respect to x, assembled or as a product. Collective."""
+        """Derivative of H with respect to x, an assembled or a matrix-free Mat. Collective."""
         return self._jacobian_solver.matrix
 
     def create_vector(self) -> PETSc.Vec:
         return self.equations.unknowns.create_vector()
 
     def evaluate_contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
-        """Evaluate the contact conditions, without the rows of H. Collective."""
+        """Evaluate the contact points, without the rows of H. Collective.
+
+        Args:
+            x: unknowns.
+            gamma: parameter.
+            piece: statuses of all contact points; None: statuses determined by the unknowns.
+        """
         return self._equations_at(gamma).evaluate_contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
@@ -316,7 +326,7 @@ class ParametricEquations(System):
         c.array[:] = self.equations.rates(evaluation, body, answers, *self._data_rates())
 
     def _data_rates(self) -> tuple[Array, Array, Array]:
-        """Return the derivatives of prescribed data with respect to gamma.
+        """Return derivatives with respect to gamma of Dirichlet data, and of loads and motions.
 
         Returns:
             Derivatives of the Dirichlet values at the local displacement dofs (0 at free dofs), of
@@ -339,7 +349,10 @@ class ParametricEquations(System):
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
-        """Mass matrix of one component of u, divided by the volume and the squared body size."""
+        """Return the scaled mass matrix of one component of the displacement.
+
+        It is divided by the volume of the body and by the square of the body size.
+        """
         V = self.equations.V
         u = ufl.TrialFunction(V)
         v = ufl.TestFunction(V)
@@ -396,27 +409,37 @@ class ParametricEquations(System):
     # -- pieces ----------------------------------------------------------------------------------
 
     def parts(self) -> Iterator[tuple[DiscreteSurface, int, int]]:
-        """Return each surface with the range of its points among the points of this rank."""
+        """Yield each surface with the index range of its points among all points of this rank."""
         ends = self._offsets[1:]
         return zip(self.equations.surfaces, self._offsets[:-1], ends, strict=True)
 
     def statuses_of(self, piece: Piece | None) -> Statuses | None:
-        """Return the statuses in a piece, one array per surface."""
+        """Return the statuses of a piece of H, one array per surface; None for None."""
         return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
 
     def piece(self, statuses: Statuses) -> Piece:
-        """Return the piece with given statuses of each surface; clamped points are set to open."""
+        """Return the piece of H with given statuses; clamped points are set to open.
+
+        Args:
+            statuses: statuses of the contact points, one array per surface.
+        """
         codes = np.concatenate(statuses)
         return Piece(np.where(self.clamped, OPEN, codes).astype(np.int8))
 
     @property
     def positions(self) -> Array:
-        """Positions of the owned points of all surfaces in the order of a piece, shape (n, dim)."""
+        """Positions of the owned points of all surfaces, in the order of the statuses of a piece.
+
+        Shape (n, dim).
+        """
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
     @property
     def _ids(self) -> Ints:
-        """Keys of k integers that also distinguish points with equal coordinates, shape (n, k)."""
+        """Keys that distinguish the contact points, even with equal coordinates, shape (n, k).
+
+        Each key consists of k integers; the first is the index of the surface.
+        """
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Derivatives of forms, Dirichlet data, obstacles, laws and rigid bodies with respect to gamma.
+"""Derivatives of forms, Dirichlet data, obstacles, laws and rigid bodies with respect to gamma.
 
-    dH/dgamma = dR/dgamma + (dR/du) dg/dgamma + (dtau/dd) . (dd/dgamma)
+With the residual R(u) of the body, the Dirichlet values g, and the traction tau required by the
+contact law, dH/dgamma at fixed unknowns is computed from
 
-with the residual R of the body, the Dirichlet values g, and the answer tau of the contact law with
-its data d: gap, normal and fields of the law. UFL differentiates all data; they are
-evaluated like the data themselves.
+    dR/dgamma + (dR/du) dg/dgamma    and    (dtau/dd) . (dd/dgamma),
+
+where d are the data of the law: gap, normal and fields. UFL differentiates all data, and the
+derivatives are evaluated like the data themselves.
 """
 
 from __future__ import annotations
@@ -45,24 +47,24 @@ def _as_ufl(e: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rate:
-    """Differentiation with respect to gamma.
+    """Differentiation of UFL forms and expressions with respect to gamma.
 
     Attributes:
-        gamma: Constant in the forms of the user.
+        gamma: Constant in the user's forms.
     """
 
     gamma: fem.Constant
 
     def of_expression(self, e: Any) -> Any:
-        """Return the derivative of an expression of any shape, zero if it does not contain gamma.
+        """Return the expanded derivative of a UFL expression of any shape.
 
-        The derivative is expanded.
+        The derivative is zero if the expression does not contain gamma.
         """
         e = ufl.as_ufl(e)
         return derivative(e, self.gamma) if depends_on(self.gamma, e) else 0.0 * e
 
     def of_form(self, form: ufl.Form) -> fem.Form | None:
-        """Return the derivative of a form, compiled; None if it vanishes."""
+        """Return the compiled derivative of a form; None if the derivative vanishes."""
         if not depends_on(self.gamma, form):
             return None
         rate = derivative(form, self.gamma)
@@ -83,16 +85,16 @@ class Rate:
 
 
 class Driven:
-    """A Function of Dirichlet data that is a UFL expression of gamma.
+    """Function in a Dirichlet condition whose value is a UFL expression of gamma.
 
     Args:
-        function: Function of a Dirichlet condition.
-        expression: its value.
+        function: Function in a Dirichlet condition.
+        expression: value of the Function, a UFL expression of gamma and the position.
         rate: differentiation with respect to gamma.
 
     Attributes:
         function: Function whose values are set.
-        expression: expression in UFL.
+        expression: value of the Function in UFL.
         not_affine: description of the part that is not affine in gamma; "" if all is affine.
     """
 
@@ -109,7 +111,7 @@ class Driven:
         self._rate = compiled_expression(rate.of_expression(self.expression) + zero, points)
 
     def set(self) -> None:
-        """Interpolate the value into the Function. Collective."""
+        """Interpolate the expression into the Function. Collective."""
         self.function.interpolate(self._value)
 
     def set_rate(self) -> None:
@@ -120,14 +122,14 @@ class Driven:
 class SurfaceRates:
     """Derivative of the contact law of a surface with respect to gamma.
 
-    It follows from the obstacle and the fields of the law.
+    It results from gap and normal of the obstacle and from fields of the law that contain gamma.
 
     Args:
         s: contact surface.
         rate: differentiation with respect to gamma.
 
     Attributes:
-        applies: whether anything depends on gamma.
+        applies: whether the obstacle or the law depends on gamma.
     """
 
     def __init__(self, s: DiscreteSurface, rate: Rate):
@@ -148,9 +150,9 @@ class SurfaceRates:
             self._evaluate = s.points.evaluator({**rates.at_points, **seen})
 
     def __call__(self, contact: SurfaceEvaluation) -> Array | None:
-        """Return the derivative of the answer at fixed unknowns, shape (n, dim). Collective.
+        """Return the derivative of the required traction at fixed unknowns, shape (n, dim).
 
-        None if it vanishes.
+        None if the law does not depend on gamma. Collective.
 
         Args:
             contact: evaluation of the surface.
@@ -187,7 +189,7 @@ class RigidRates:
         rate: differentiation with respect to gamma.
 
     Attributes:
-        applies: whether anything depends on gamma.
+        applies: whether a load or a prescribed motion depends on gamma.
         not_affine: description of the part that is not affine in gamma; "" if all is affine.
     """
 
@@ -199,7 +201,11 @@ class RigidRates:
         self.not_affine = next(filter(None, map(rate.not_affine, expressions)), "")
 
     def __call__(self) -> tuple[Array, Array]:
-        """Return the derivatives of the loads and of the prescribed motions, one array each."""
+        """Return the derivatives of the loads and of the prescribed motions.
+
+        Each array has one entry per unknown of the rigid bodies. Loads are in the units of the rows
+        of H, motions in the units of the unknowns.
+        """
         values = np.array([number(e) for e in self._rates])
         fixed, units = self._bodies.fixed, self._bodies.units
         return np.where(fixed, 0.0, values / units), np.where(fixed, values * units, 0.0)
@@ -208,12 +214,12 @@ class RigidRates:
 def dirichlet_rates(constraints: Constraints, driven: Sequence[Driven]) -> Array:
     """Return derivatives of Dirichlet values with respect to gamma. Collective.
 
-    The derivatives are returned at all local displacement dofs; they are zero where the data do not
-    depend on gamma.
+    The result has one entry per local displacement dof, which is 0 for data that do not depend on
+    gamma.
 
     Args:
         constraints: Dirichlet conditions.
-        driven: Functions of these conditions that depend on gamma.
+        driven: Functions in these conditions that depend on gamma.
     """
     values = [d.function.x.array.copy() for d in driven]
     for d in driven:

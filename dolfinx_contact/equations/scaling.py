@@ -91,10 +91,9 @@ class Scaling:
         self.follow(bulk.displacement.x.array.copy())
 
     def follow(self, u: Array) -> bool:
-        """Update the scales if data of the stiffness have changed.
+        """Compute the scales again if the data of the stiffness have changed.
 
-        The scales thus correspond to the present data. For a nonlinear body they are computed at
-        ``u``, the displacement at all local dofs.
+        For a nonlinear body, the scales are computed at ``u``, the displacement at all local dofs.
 
         Returns:
             Whether the scales, and with them H, have changed.
@@ -120,7 +119,7 @@ class Scaling:
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
-        """Context manager in which the automatic r is used."""
+        """Context manager that applies the automatic augmentation parameter within the context."""
         self._augment(None)
         try:
             yield
@@ -128,7 +127,11 @@ class Scaling:
             self._augment(self._forced)
 
     def _augment(self, forced: float | None) -> None:
-        """Set r on all surfaces: ``forced`` at all points, or the automatic r for None."""
+        """Set the augmentation parameter on all surfaces.
+
+        Args:
+            forced: parameter at all points; None for the automatic parameter.
+        """
         for s, r in zip(self._surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
 
@@ -188,7 +191,10 @@ class Scaling:
     # -- loose motions ---------------------------------------------------------------------------
 
     def _jumps_at(self, term: SurfaceTerm) -> Array:
-        """Return the jumps of each free motion at the points, shape (motions, n, dim)."""
+        """Return the jumps at the points caused by each loose motion, shape (motions, n, dim).
+
+        Loose motions of deformable bodies come first, followed by free components of rigid bodies.
+        """
         s = term.surface
         number = len(self.loose)
         jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
@@ -199,15 +205,16 @@ class Scaling:
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
     def unrestrained_motions(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
-        """Return the names of rigid motions that contact with these statuses does not prevent.
+        """Return the names of rigid motions that contact with given statuses does not prevent.
 
-        "" if there are none. In 3D a slipping point resists motions perpendicular to its shear,
-        because the shear turns with them. With creeping friction every closed point holds the body.
+        "" if contact prevents all rigid motions. In 3D a slipping point resists motions
+        perpendicular to its shear, because the shear turns with them. With creeping friction, every
+        closed point resists tangential motions.
 
         Args:
             statuses: statuses of the points.
-            evaluation: evaluation with the shear; by default only sticking points hold
-                tangentially.
+            evaluation: evaluation that contains the shear; None if only sticking points are to
+                resist tangential motions.
         """
         count = len(self.loose)
         free = np.flatnonzero(~self._bodies.fixed)
@@ -243,13 +250,23 @@ class Scaling:
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
-    """Return the stiffness of local nodes and of their opposing points in series."""
+    """Return the stiffness of each local node in series with that of its opposing point.
+
+    Args:
+        stiffness: stiffness of the local nodes, shape (nodes,).
+        s: contact surface.
+    """
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
 def _direction(traction: Array, n: Array) -> Array:
-    """Return unit vectors along the shear, 0 at points without shear, shape (n, dim)."""
+    """Return unit vectors along the shear of tractions, 0 without shear, shape (n, dim).
+
+    Args:
+        traction: tractions, shape (n, dim).
+        n: unit normals, shape (n, dim).
+    """
     shear = tangential(traction, n)
     size = np.linalg.norm(shear, axis=1, keepdims=True)
     least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact terms of the Jacobian for faces sliding over each other.
+"""Contact terms of the Jacobian for faces sliding over each other.
 
-The contact terms of H depend on the displacements u, the vectors m(u) from which the normals are
-computed, and the multipliers l. With D = dm/du the terms of the Jacobian are
+The contact terms of H depend on the displacements u, on the multipliers l, and on vectors m(u), the
+sums of area vectors around the slave nodes, from which the normals are computed. With the
+derivative D = dm/du, the contact terms of the Jacobian are
 
     S = S_u + S_m D,
 
-where S_u is the derivative with respect to u and l, and S_m that with respect to m. The pattern
-contains all candidates and changes only with a search (`points.sliding_faces`).
+where S_u is the derivative of H with respect to u and l, and S_m that with respect to m. The
+sparsity pattern covers all candidate pairs of facets and changes only when a search finds new
+candidates (`points.sliding_faces`).
 """
 
 from __future__ import annotations
@@ -47,21 +49,26 @@ _OF_VECTORS: tuple[_Names, ...] = (
 
 
 class Numbering(Protocol):
-    """Numbering of the unknowns."""
+    """Interface of a numbering of all unknowns of a problem."""
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return the global indices of the unknowns at global nodes, shape (..., dim). Collective.
+        """Return the global indices of the unknowns at given nodes, shape (..., dim). Collective.
 
-        -1 for fixed dofs.
+        Indices of fixed dofs are -1.
+
+        Args:
+            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
+                i.
+            nodes: global nodes of this field, shape (...).
         """
 
 
 class _Matrices(NamedTuple):
-    """Matrices of one surface.
+    """Matrices whose sum S_u + S_m D is the contact part of the Jacobian for one surface.
 
     Attributes:
-        S_u: derivatives of the rows of H with respect to u and l.
-        S_m: derivatives of the rows of H with respect to m.
+        S_u: derivatives of the rows of H with respect to displacements u and multipliers.
+        S_m: derivatives of the rows of H with respect to the sums m of area vectors at slave nodes.
         D: derivative of m with respect to u.
         product: S_m D.
     """
@@ -73,11 +80,11 @@ class _Matrices(NamedTuple):
 
 
 class SlidingTerms:
-    """The terms of one surface. Collective, like its methods.
+    """Contact terms of the Jacobian for one pair in large sliding. All methods are collective.
 
     Args:
         equations: contact problem.
-        number: number of the surface.
+        number: index of the surface.
         numbering: numbering of the unknowns.
     """
 
@@ -109,7 +116,7 @@ class SlidingTerms:
         return self._faces.whole is None and self._searches != self._faces.searches
 
     def set_up(self) -> list[Entries]:
-        """Create matrices with the pattern of the candidates and return the entries of S."""
+        """Create the matrices with the pattern of the candidates, and return the entries."""
         self.destroy()
         n = self._size
         m = self._dim * self._points.number
@@ -124,7 +131,7 @@ class SlidingTerms:
         return [Entries(*triplets(A)[:2]) for A in (S_u, self._matrices.product)]
 
     def add(self, contact: SurfaceEvaluation, A: PETSc.Mat) -> None:
-        """Add S at an evaluation to ``A``, which has the pattern of `set_up`."""
+        """Add the contact terms at an evaluation to a matrix with the pattern of `set_up`."""
         operator = contact.kinematics.operator
         assert isinstance(operator, SlidingOperator)
         assert self._matrices is not None
@@ -158,9 +165,10 @@ class SlidingTerms:
     # -- parts -----------------------------------------------------------------------------------
 
     def _places(self, facet: Ints, nodes: Ints) -> dict[str, Ints]:
-        """Return indices of rows and columns by name, shape (pairs, nodes, dim) each.
+        """Return the indices of rows and columns for pairs of facets, by name of the unknowns.
 
-        Indices named *own multiplier* and *own vector* belong to one contact point each.
+        They have shape (pairs, nodes, dim), except those named *own multiplier* and *own vector*,
+        which belong to single contact points and have shape (points, 1, dim).
 
         Args:
             facet: slave facets of the pairs.
@@ -189,11 +197,14 @@ class SlidingTerms:
     def _by_point(
         self, contact: SurfaceEvaluation, operator: SlidingOperator
     ) -> dict[_Names, Array]:
-        """Return derivatives of the contact rows by the traction and normal of their own node.
+        """Return derivatives of the contact rows that couple each point only with itself.
+
+        They are derivatives with respect to the traction of the point and to the vector that
+        determines its normal.
 
         Args:
             contact: evaluation of the surface.
-            operator: B at this evaluation.
+            operator: operator from displacements to jumps at this evaluation.
         """
         n, nodal = operator.number, operator.facing.nodal
         areas = self._points.areas
@@ -208,14 +219,17 @@ class SlidingTerms:
     def _by_pair(
         self, contact: SurfaceEvaluation, operator: SlidingOperator, first: Ints
     ) -> dict[_Names, Array]:
-        """Return the remaining blocks, which couple the nodes of pairs of facets.
+        """Return the blocks of the Jacobian that couple the nodes of pairs of facets.
 
-        Their shapes use p, a, b and c of `points.sliding_kinematics.Facing`.
+        Each block has the shape (p, k, dim, l, dim) for p pairs of facets, with k nodes in the rows
+        and l nodes in the columns. The nodes are the corners of the slave facet for multipliers and
+        vectors, those of the master facet for the master, and those of both facets for the bodies.
 
         Args:
             contact: evaluation of the surface.
-            operator: B at this evaluation.
-            first: index of the first piece of each pair of facets; the pieces of a pair are summed.
+            operator: operator from displacements to jumps at this evaluation.
+            first: index of the first common part of each pair of facets; the contributions of all
+                common parts of a pair are summed.
         """
         facing, faces = operator.facing, self._faces
         n, nodal = operator.number, facing.nodal
@@ -299,7 +313,10 @@ def _pairs_once(rows: Ints, columns: Ints) -> tuple[Ints, Ints]:
 
 
 def _first_of_pairs(facing: Facing) -> Ints:
-    """Return the first piece of each pair of facets; the pieces of a pair are consecutive."""
+    """Return the index of the first common part of each pair of facets.
+
+    The common parts of a pair are consecutive.
+    """
     pairs = np.stack([facing.facet, facing.master], axis=1)
     other = np.diff(pairs, axis=0, prepend=-1).any(axis=1)
     return np.flatnonzero(other)
@@ -308,16 +325,17 @@ def _first_of_pairs(facing: Facing) -> Ints:
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:
     """Return derivatives of contact rows of the slave corners, shape (p, a, dim, c + a, dim).
 
-    Here p counts the pieces, a the corners of a slave facet, q the quadrature points of a piece,
-    and c + a the vectors with respect to which the rows are differentiated: displacements of the c
-    corners of both facets, then the vectors m at the slave corners.
+    Here p is the number of common parts of slave and master facets, q the number of quadrature
+    points per part, and a the number of corners of a slave facet. The rows are differentiated with
+    respect to c + a vectors: the displacements of the c corners of both facets, then the sums m of
+    area vectors at the slave corners.
 
     Args:
-        facing: opposing pieces of both faces.
+        facing: common parts of both faces.
         by_gap: derivatives of the rows with respect to the nodal gap, shape (p, a, dim).
         by_slip: derivatives of the rows with respect to the nodal slip, shape (p, a, dim, dim).
-        places: derivatives of the coordinates eta where the rays meet the master facet, shape
-            (p, q, dim - 1, c + a, dim).
+        places: derivatives of the reference coordinates at which the rays meet the master facet,
+            shape (p, q, dim - 1, c + a, dim).
         gaps: derivatives of the gaps along the rays, shape (p, q, c + a, dim).
     """
     p, q, e, c, dim = places.shape
@@ -332,16 +350,16 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 
 
 def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
-    """Return derivatives of the forces on the master due to moving rays.
+    """Return derivatives of the forces on the master at fixed tractions.
 
-    Shape (p, b, dim, c + a, dim) with b corners of the master facet; for the other letters see
-    `_of_law`.
+    The forces change because the rays from the slave meet the master facet at other points. Shape
+    (p, b, dim, c + a, dim) with b corners of the master facet; for p, q, c and a see `_of_law`.
 
     Args:
-        facing: opposing pieces of both faces.
+        facing: common parts of slave and master facets.
         tractions: tractions times areas at the quadrature points, shape (p, q, dim).
-        places: derivatives of the coordinates eta where the rays meet the master facet, shape
-            (p, q, dim - 1, c + a, dim).
+        places: derivatives of the reference coordinates at which the rays meet the master facet,
+            shape (p, q, dim - 1, c + a, dim).
     """
     p, q, e, c, dim = places.shape
     b = facing.rays.slopes.shape[2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""States of a contact problem as values."""
+"""Immutable copies of the states of a contact problem."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ __all__ = ["State"]
 class State:
     """State of a contact problem on this rank: a frozen value that can be pickled.
 
-    `ContactProblem.snapshot` returns the present state and `ContactProblem.restore` copies a state
+    `ContactProblem.snapshot` returns the current state, and `ContactProblem.restore` copies a state
     into the Functions. Evaluators such as `ContactProblem.table` and `io.write_fields` accept a
     state. All arrays are read-only copies.
 
     Attributes:
-        displacement: local values of the displacement, ghosts included, a length.
-        multipliers: local values of the multiplier of each surface, a stress.
+        displacement: local values of the displacement, ghosts included.
+        multipliers: local values of the multiplier of each surface, in units of stress.
         statuses: status codes of the contact points of each surface (`laws.status`).
         motions: displacement and rotation of each rigid body, lengths and radians.
         memory: memory of each surface for a step beginning in this state.

@@ -31,11 +31,11 @@ _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
 def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
-    """Return whether the present contact is insignificant compared with the load. Collective.
+    """Return whether the current contact is insignificant compared with the load. Collective.
 
-    Coincident faces have gaps of the size of round-off, a few of which are negative. Without
-    pressure these few points do not indicate where the bodies will touch: if only they were closed
-    in the first step, the other points would penetrate by the whole prescribed motion.
+    The gaps of coincident faces are round-off, and some of them are negative. Without pressure,
+    these points do not indicate where the bodies will touch: if only they were closed in the first
+    step, the other points would penetrate by the whole prescribed motion.
 
     Args:
         eq: contact problem.
@@ -57,9 +57,9 @@ def touches_nothing(eq: ContactEquations, evaluation: Evaluation) -> bool:
 def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
     """Return statuses in which all points that the load may close stick. Collective.
 
-    If a body could still move rigidly, its points with the smallest gaps stick as well, as many as
-    are needed to hold the body, because the load will close them. The same applies to a loose body
-    that touches at a few points only, for example on a bump.
+    If a body could then still move rigidly, for example because it touches only a bump of the
+    obstacle, its points with the smallest gaps stick as well, as many as are needed to hold the
+    body.
 
     Args:
         eq: contact problem.
@@ -80,11 +80,16 @@ def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
 
 
 def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation) -> list[float]:
-    """Return for each surface the smallest gap of its points, where it may hold a body. Collective.
+    """Return for each surface the smallest gap of its contact points, over all ranks. Collective.
 
-    The value is the smallest gap at the contact points if some vertex touches; vertices may touch
-    although no Gauss point between them does. Otherwise it is minus infinity. On a rigid body that
-    is free to move, it is at least the smallest gap of all surfaces to this body.
+    If no vertex of a surface touches, the value is minus infinity. The test uses vertices because
+    they may touch although no Gauss point does. For a rigid body that is free to move, the value is
+    at least the smallest gap of all surfaces that may touch it.
+
+    Args:
+        eq: contact problem.
+        gaps: gaps at the points of each surface.
+        evaluation: evaluation of the start.
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
@@ -107,7 +112,8 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
 def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
     """Return for each surface the gap up to which points are expected to close. Collective.
 
-    A prescribed motion of a rigid body adds half the distance by which it approaches the points.
+    For a rigid body with a prescribed motion, half the distance by which the body approaches the
+    points is added.
     """
     reaches = []
     step = np.where(eq.rigid.fixed, eq.constraints.motions() - evaluation.q, 0.0)
@@ -120,7 +126,13 @@ def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
-    """Return statuses in which points with gaps up to the limit of their surface stick."""
+    """Return statuses in which a point sticks if its gap is at most the limit of its surface.
+
+    Args:
+        eq: contact problem.
+        gaps: gaps at the points of each surface.
+        limits: largest gap of a sticking point, one per surface.
+    """
     statuses = []
     for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
         codes = s.law_at_points.codes
@@ -130,16 +142,31 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 
 def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq: Array) -> Array:
-    """Return the decrease of gaps due to a motion of rigid bodies, shape (n,). Collective."""
+    """Return the decrease of the gaps of a surface due to a motion of rigid bodies, shape (n,).
+
+    Collective.
+
+    Args:
+        eq: contact problem.
+        term: term of the surface.
+        evaluation: evaluation of the state.
+        dq: increment of the unknowns of the rigid bodies.
+    """
     still = np.zeros(eq.owned_sizes[0])
     step = term.relative_rate(evaluation.u, evaluation.q, still, dq)
     return -evaluation.surfaces[term.number].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
-    """Translate rigid bodies that touch nothing along their loads into contact. Collective.
+    """Translate rigid bodies without contact in the directions of their loads until they touch.
 
-    Bodies without a load in a free direction, or without an obstacle ahead, do not move.
+    Collective.
+
+    Bodies without a load in a free direction, or without contact points ahead of them, do not move.
+
+    Args:
+        eq: contact problem.
+        x: unknowns, in which the motions of the rigid bodies are updated.
     """
     if not eq.rigid.size:
         return

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Unknowns of a contact problem: their layout in PETSc vectors, and motions of rigid bodies.
+"""Unknowns of a contact problem: their layout in PETSc vectors, and motions of rigid bodies.
 
-Unknowns of rigid bodies are displacements, and rotations times a length, the largest distance of a
-contact point from the reference point. Thus all unknowns are lengths, and all rows are forces. Rank
-0 owns the unknowns of rigid bodies; they follow its other unknowns.
+The unknowns of a rigid body are its displacement, and its rotation times a length: the largest
+distance of a contact point from the reference point. Thus all unknowns are lengths, and all rows of
+the residual are forces. Rank 0 owns the unknowns of rigid bodies; they follow its other unknowns.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Unknowns:
     typical stiffness per area; and, on rank 0, the motions of rigid bodies (`RigidBodies`).
 
     Args:
-        displacement: Function that receives displacements to update their ghosts.
+        displacement: Function used as a buffer in which ghosts of displacements are updated.
         multipliers: space of the multiplier of each surface.
         rigid: rigid bodies.
         stiffness_per_area: typical stiffness per area of each surface, the unit of its multipliers.
@@ -71,16 +71,19 @@ class Unknowns:
         return PETSc.Vec().createMPI((sum(self.sizes), None), comm=self.comm)
 
     def blocks(self, x: PETSc.Vec) -> list[Array]:
-        """Return copies of the owned parts of ``x``, one array per field."""
+        """Return copies of the owned parts of a vector of unknowns, one array per field."""
         values = x.array_r.copy()
         return [values[part] for part in self._slices]
 
     def fields(self, x: PETSc.Vec) -> list[Array]:
-        """Return the owned values of displacement and multipliers, in the user's units."""
+        """Return the owned displacements and multipliers in a vector of unknowns.
+
+        They are in the user's units; one array per field.
+        """
         return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)][:-1]
 
     def displacement(self, x: PETSc.Vec) -> Array:
-        """Return the displacement at all local dofs, including ghosts. Collective."""
+        """Return the displacement in a vector of unknowns, at all local dofs. Collective."""
         f = self._displacement
         n = self.sizes[0]
         f.x.array[:n] = x.array_r[:n]
@@ -88,11 +91,14 @@ class Unknowns:
         return f.x.array.copy()
 
     def motions(self, x: PETSc.Vec) -> Array:
-        """Return the unknowns of the rigid bodies, on every rank. Collective."""
+        """Return the unknowns of the rigid bodies in a vector of unknowns, on every rank.
+
+        Collective.
+        """
         return self._rigid.everywhere(x.array_r[self._slices[-1]])
 
     def write(self, fields: Sequence[Array], q: Array, x: PETSc.Vec) -> None:
-        """Write values into ``x``.
+        """Write displacement, multipliers and motions into a vector of unknowns.
 
         Args:
             fields: displacement and multipliers at least at the owned dofs, in the user's units.
@@ -118,7 +124,7 @@ class RigidBodies:
         size: number of unknowns.
         owned: number of unknowns on this rank.
         fixed: mask of the prescribed unknowns, shape (size,).
-        units: ratios of unknowns to displacements and rotations, shape (size,).
+        units: factors from displacements and rotations to unknowns, shape (size,).
         numbers: loads and motions prescribed by the user, as read by `read_data`, shape (size,).
         loads: loads L in the units of their rows, 0 where the motion is prescribed, shape (size,).
 
@@ -146,7 +152,10 @@ class RigidBodies:
         self.read_data()
 
     def _reach(self, body: RigidBody) -> float:
-        """Return the largest distance of a contact point from the reference point. Collective."""
+        """Return the largest distance of contact points from the reference point of their body.
+
+        Collective.
+        """
         touching = [s.positions for s in self.surfaces if s.rigid_body is body]
         return maximum(self.comm, np.linalg.norm(np.concatenate(touching) - body.about, axis=1))
 
@@ -154,36 +163,55 @@ class RigidBodies:
 
     @property
     def given(self) -> Array:
-        """Unknowns q that correspond to the present values of the rigid bodies."""
+        """Unknowns of the rigid bodies for their stored values (`RigidBody.values`)."""
         return self.units * np.concatenate([np.zeros(0), *(b.values for b in self.bodies)])
 
     def show(self, q: Array) -> None:
-        """Write the unknowns q into the values of the rigid bodies."""
+        """Store the displacements and rotations for the unknowns ``q`` in the rigid bodies."""
         for b, part in self.slices.items():
             b.values = (q / self.units)[part].copy()
 
     def everywhere(self, mine: Array) -> Array:
-        """Broadcast the unknowns, which rank 0 owns, to every rank. Collective."""
+        """Broadcast the unknowns of the rigid bodies from rank 0, their owner. Collective.
+
+        Args:
+            mine: owned unknowns of this rank: all on rank 0, none on other ranks.
+        """
         if not self.size:
             return np.zeros(0)
         return np.asarray(self.comm.bcast(np.array(mine) if self.owned else None))
 
     def here(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return the entries owned by this rank: all on rank 0, none on other ranks."""
+        """Return the entries that this rank owns: all on rank 0, none on other ranks.
+
+        Args:
+            values: values of all unknowns of the rigid bodies.
+        """
         return values[: self.owned]
 
     def of_body(self, q: Array, body: RigidBody) -> Array:
-        """Return displacement and rotation of a body from the unknowns q."""
+        """Return displacement and rotation of one body.
+
+        Args:
+            q: unknowns of all rigid bodies.
+            body: rigid body.
+        """
         return np.asarray((q / self.units)[self.slices[body]])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
-        """Return force and moment on a body from the rows of the rigid bodies."""
+        """Return force and moment on one body.
+
+        Args:
+            rows: forces and moments on all rigid bodies in the units of the rows of H.
+            body: rigid body.
+        """
         return np.asarray((rows * self.units)[self.slices[body]])
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
-        """Return forces conjugate to the unknowns q.
+        """Return the generalised forces conjugate to the unknowns of the rigid bodies.
 
-        For rotations of any size, moments are transformed to the components of the rotation vector.
+        For bodies with large rotations, moments are transformed to the components that do work on
+        changes of the rotation vector.
 
         Args:
             q: unknowns of the rigid bodies.
@@ -200,15 +228,15 @@ class RigidBodies:
     # -- data ------------------------------------------------------------------------------------
 
     def read_data(self) -> None:
-        """Read the present loads and motions of the user."""
+        """Read the current loads and prescribed motions of the rigid bodies."""
         self.numbers = np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
         self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
 
     def names(self, motions: Array) -> str:
-        """Return the names of the components that take part in motions.
+        """Return the names of the motion components that are nonzero in any of k motions.
 
         Args:
-            motions: k motions, shape (k, size).
+            motions: motions of all rigid bodies, shape (k, size).
         """
         size = np.abs(motions).max(axis=0, initial=0.0)
         words = [

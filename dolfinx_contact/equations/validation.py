@@ -5,8 +5,8 @@
 Constants are tested nowhere else, and the solvers trust them. `check_sides` warns of obstacles that
 are probably not where they were intended.
 
-Most tests are local and return an error message, which is empty if the test passes. One collective
-call per test raises the message of the lowest rank on every rank.
+Most tests are local and return an error message, which is empty if the test passes. A collective
+call after each test raises the first nonempty message, in the order of the ranks, on every rank.
 """
 
 from __future__ import annotations
@@ -75,9 +75,12 @@ _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 def check(
     bulk: Any, u: fem.Function, surfaces: Any, bcs: Any
 ) -> tuple[list[Contact], list[fem.DirichletBC]]:
-    """Check the arguments of a problem; return surfaces and Dirichlet conditions as lists.
+    """Check the arguments of a problem and return its surfaces and Dirichlet conditions.
 
     Not collective.
+
+    Returns:
+        Surfaces and Dirichlet conditions, as lists.
 
     Raises:
         ValueError: if the arguments do not fit together.
@@ -126,11 +129,13 @@ def check(
 
 
 def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
-    """Raise ``ValueError`` for inadmissible data; otherwise update the scales. Collective.
+    """Raise ``ValueError`` if the data are not admissible; otherwise update the scales.
+
+    Collective.
 
     Args:
         eq: contact problem.
-        x0: start of the solve.
+        x0: unknowns at the start of the solve.
 
     Returns:
         Evaluation at ``x0``; None if the scales of the data, and with them H, have changed.
@@ -190,7 +195,7 @@ def check_moduli(eq: ContactEquations) -> None:
 
 
 def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
-    """Raise ``ValueError`` if present gaps, normals or law of a surface are invalid. Collective.
+    """Raise ``ValueError`` if current gaps, normals or law of a surface are invalid. Collective.
 
     Args:
         s: contact surface.
@@ -204,7 +209,7 @@ def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
 
 
 def check_obstacle(s: DiscreteSurface) -> None:
-    """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
+    """Raise ``ValueError``, naming the datum, if a gap or normal is not finite. Collective."""
     finite = all(np.isfinite(v).all() for v in (s.points.vertex_gaps, s.points.vertex_normals))
     if not all_ranks(s.comm, finite):
         cause = "a contact point is the centre of a sphere, or a level set has no gradient there"
@@ -214,7 +219,7 @@ def check_obstacle(s: DiscreteSurface) -> None:
 
 
 def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
-    """Raise ``ValueError`` if the law of a surface or its fields are invalid. Collective.
+    """Raise ``ValueError`` if the law of a surface or a field of the law is invalid. Collective.
 
     Fields must be finite and have the sign that the law requires, the friction bound must not be
     negative, and the law must have all data that it needs with the given memory.
@@ -251,17 +256,21 @@ def _objection_to_fields(s: DiscreteSurface) -> str:
 
 
 def check_times(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if a law lacks data for the step, or its duration. Collective."""
+    """Raise ``ValueError`` if a law lacks required data or the duration of the step. Collective."""
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         objection = _objection_to_time(s, memory)
         require(s.comm, not objection, f"{s.name}: {objection}")
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return an error message about missing data of a law; "" if complete. Not collective.
+    """Return an error message if a law lacks data; otherwise "". Not collective.
 
-    Missing data are listed by `Law.lacks`; a law that depends on time (`CompiledLaw.needs_time`)
-    also requires the duration of a step.
+    The required data are listed by `Law.lacks`; a law that depends on time
+    (`CompiledLaw.needs_time`) also requires the duration of the step.
+
+    Args:
+        s: contact surface.
+        memory: memory of its points at the beginning of the step; None under the static law.
     """
     history = memory is not None and memory.step > 0
     lack = s.law.lacks(history=history)
@@ -283,8 +292,7 @@ def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
 def check_turn(s: DiscreteSurface, before: Array | None) -> None:
     """Raise ``ValueError`` if a rigid body rotates by 180 degrees or more in a step. Collective.
 
-    Slips on the body are unique only below half a turn, because a full turn leaves all points in
-    place.
+    Only for smaller rotations can the slip be determined from the initial and the final position.
 
     Args:
         s: contact surface.
@@ -310,7 +318,8 @@ def check_turn(s: DiscreteSurface, before: Array | None) -> None:
 def check_sides(eq: ContactEquations) -> None:
     """Warn about obstacles on the wrong side of the body or in other length units. Collective.
 
-    Such a problem has a solution, but not the intended one. The undeformed body is tested.
+    A problem with such an obstacle has a solution, but not the intended one. The test uses the
+    undeformed body.
     """
     for s in eq.surfaces:
         if not s.between_bodies:
@@ -320,10 +329,10 @@ def check_sides(eq: ContactEquations) -> None:
 
 
 def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message about an obstacle on the wrong side; "" if it is not. Collective.
+    """Return a message if an obstacle is on the wrong side of the body; otherwise "".
 
-    At the contact point nearest to such an obstacle, the contact normal is opposite to the outward
-    normal of the face and points into the body.
+    If it is, then at the contact point nearest to the obstacle the contact normal is opposite to
+    the outward normal of the face and points into the body. Collective.
     """
     gaps = np.abs(s.points.gaps)
     nearest = minimum(s.comm, gaps, np.inf)
@@ -351,7 +360,10 @@ def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message if body and rigid surface differ in size by orders of magnitude, or ""."""
+    """Return a message if body and rigid surface seem to be in different length units.
+
+    Their sizes then differ by orders of magnitude. The message is empty otherwise.
+    """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return ""
@@ -365,7 +377,7 @@ def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _warn_of_dragging(eq: ContactEquations) -> None:
-    """Warn once about an obstacle moved along its surface by its Constants. Collective."""
+    """Warn once if an obstacle was moved along its surface through its Constants. Collective."""
     along = [s.moved_along and STICK in s.law_at_points.codes for s in eq.surfaces]
     still = anywhere(eq.comm, *[not flag for flag in along])
     for s, other in zip(eq.surfaces, still, strict=True):
@@ -393,13 +405,19 @@ def _warn_of_friction(eq: ContactEquations) -> None:
 
 
 def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
-    """Describe the first datum that is not finite on some rank; "" if there is none. Collective."""
+    """Return a description of the first datum that is not finite on some rank. Collective.
+
+    "" if all data are finite.
+    """
     bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
     return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 
 
 def _not_finite_law(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return a description of the first law that is not finite, or "". Collective."""
+    """Return a description of the first law with a residual that is not finite. Collective.
+
+    "" if all residuals are finite.
+    """
     bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in evaluation.rows[1:-1]))
     for s, wrong in zip(eq.surfaces, bad, strict=True):
         if wrong:
@@ -411,6 +429,6 @@ def _not_finite_law(eq: ContactEquations, evaluation: Evaluation) -> str:
 
 
 def _constants(eq: ContactEquations) -> list[list[float]]:
-    """Return the values of all Constants of the data, which must be the same on every rank."""
+    """Return the values of all Constants in the data, which must be equal on all ranks."""
     constants = [d.values for d in placed_data(eq) if not hasattr(d.value, "x")]
     return [np.ravel(values).tolist() for values in constants]
