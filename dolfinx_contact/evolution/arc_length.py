@@ -87,7 +87,7 @@ class PathTask:
 
 
 def _check_run(a: Arguments) -> None:
-    """Check the arguments of a run and insert defaults."""
+    """Check the arguments of `ArcLength.run` and insert defaults."""
     path: ArcLength = a.self
     gamma = path._gamma if a.start is None else getattr(a.start, "gamma", None)
     value = float(path.parametric.constant.value) if gamma is None else gamma
@@ -182,19 +182,20 @@ class ArcLength(Runnable[PathTask, PathHistory]):
             start: state at which the path starts, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``. Its load is its ``gamma``, or the present value of the
                 parameter if it has none. Default: end of the previous run; in a first run the
-                present Functions with virgin memory. Required in the first run if the problem has
-                had another evolution.
+                present Functions with virgin memory (no slip, intact bonds). Required in the first
+                run if the problem has had another evolution.
             direction: direction in which the path leaves its start: in the first run
                 ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
-                (default) or ``"back"``, in which the state unloads without recovery.
+                (default) or ``"back"``. On the way back the body unloads, while slip and damage
+                remain.
             control: lengths of steps, in units in which the first tangent and the range of gamma
-                have size 1; default: up to 0.005. Longer steps may miss a fold at which many bonds
-                break.
+                have length 1; default: up to 0.005. Longer steps may miss a fold at which many
+                bonds break.
             max_steps: largest number of accepted points.
-            rays: whether all solutions of the rate problem are computed and counted in
-                `PathStep.directions`. True: at every kink and nonsmooth fold, from all statuses
-                that meet there, up to 256 pieces. False or None (default): only if no direction is
-                found otherwise.
+            rays: whether all solutions of the rate problem, the directions in which the path can
+                continue, are computed and counted in `PathStep.directions`. True: at every kink and
+                nonsmooth fold, by trying all combinations of the statuses that meet there, up to
+                256. False or None (default): only if no direction is found otherwise.
             stop: function that returns a reason to end the run, see `QuasiStatic.run`.
             observer: function or observer called with each accepted point, see `QuasiStatic.run`.
             record: record of the accepted points, such as `records.PathRecord`.
@@ -219,7 +220,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
 
     @property
     def _gamma(self) -> float:
-        """Load gamma at the last accepted state; before the first run, the parameter's value."""
+        """Load gamma at the last accepted state; before the first run, value of the parameter."""
         value = self.parametric.constant.value
         return float(value) if self._accepted is None else self._accepted.gamma
 
@@ -282,7 +283,10 @@ class PathStepper(Stepper):
         return replace(accepted, statuses=given.statuses)
 
     def use_memory(self, steps: ArcSteps, memory: Sequence[Memory | None]) -> None:
-        """Use the memory of an accepted state in the system and the steps. Collective."""
+        """Set the memory of an accepted state in the system and in the solver of the steps.
+
+        Collective.
+        """
         self.system = self.system.with_memory(memory)
         steps.bordered.system = self.system
 
@@ -297,8 +301,9 @@ class PathStepper(Stepper):
         """Step along a path and write the end of the step into the Functions. Collective.
 
         Args:
-            steps: solver of steps of given arc length; afterwards it has the memory of the end.
-            leaves: point of the accepted state, with the piece and the tangent of the step.
+            steps: solver of steps of given arc length; afterwards it uses the memory at the end of
+                the step.
+            leaves: accepted state as a branch point, with the statuses and the tangent of the step.
             before: accepted state at the start.
             h: largest arc length of the step.
             gamma_range: range of gamma.
@@ -335,9 +340,9 @@ class PathStepper(Stepper):
     def _solved(
         self, steps: ArcSteps, leaves: BranchPoint, h: float, gamma_range: tuple[float, float]
     ) -> tuple[Arrival, Result, Evaluation]:
-        """Solve for the next point on the piece of a direction; see `take_along`. Collective.
+        """Solve for the end of a step with fixed statuses; see `take_along`. Collective.
 
-        The piece assumes which bonds break. If this is wrong, the solution violates the contact
+        The statuses imply which bonds break. If this is wrong, the solution violates the contact
         law, and a shorter step is tried.
         """
         while True:
@@ -530,7 +535,10 @@ class ByArcLength(Rule[PathTask]):
         return event, number, method
 
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
-        """Choose the first outgoing direction; end the path if there is none. Collective."""
+        """Leave a point along the first of its outgoing directions. Collective.
+
+        The path ends if there is none.
+        """
         self._leaves = None
         if directions.rays:
             self._leaves = self._steps.leave(point, directions.rays[0])
@@ -552,7 +560,7 @@ class ByArcLength(Rule[PathTask]):
         return "nonsmooth fold" if self._steps.turned(point.tangent, leaves.tangent) else "kink"
 
     def _end_if_idle(self) -> None:
-        """End the path if its last steps have almost no length."""
+        """End the path if it has hardly advanced over its last steps."""
         number = self._patience
         last = self.state.passed[-number - 1 :]
         if self.state.ending or len(last) <= number or last[-1] - last[0] > number * _IDLE:
@@ -565,9 +573,9 @@ class ByArcLength(Rule[PathTask]):
 
 
 def _dependence(s: DiscreteSurface) -> str:
-    """Return the reason why a law excludes paths by arc length; "" if it does not.
+    """Return the reason why a path by arc length is impossible with the law of a surface.
 
-    The reason is a predicate that follows the name of the law in a message.
+    The reason is a predicate that follows the name of the law in a message; "" if there is none.
     """
     rates = [name for name in s.law.needs_time if np.any(s.points.data.fields[name] != 0)]
     if rates:

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Steps of given arc length on one piece of H, with the memory of their start.
+"""Steps of given arc length with fixed statuses and the memory of their start.
+
+H(x, gamma; m) = 0 are the equations of the contact problem for the unknowns x, the load gamma and
+the memory m. A piece of H is H with fixed statuses of all points.
 
 A step begins at an accepted state y_n = (x_n, gamma_n), in the piece (statuses of all points) and
 along the tangent t_n that solve its rate problem (`rate_problem`). It solves
 
     H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
 
-and ends at the first of the following: arc length h, border of the piece, turning point of gamma,
-end of the range of gamma. All are located to round-off. The memory m_n of the start is used, so
-that a breaking bond continues to break and a slipping point continues to slip.
+and ends at the first of the following: arc length h, border of the piece (a change of status),
+turning point of gamma, end of the range of gamma. All are located to round-off. The memory m_n of
+the start is used, so that a breaking bond continues to break and a slipping point continues to
+slip.
 
 A step is too long and is shortened if
 
@@ -61,12 +65,12 @@ class ArcSteps(ExactSteps):
 
     @property
     def known(self) -> dict[str, Any]:
-        """Scales and signs determined by the steps of the run, by name.
+        """Scales and signs that the steps of the run have determined, by name.
 
         ================  =========================================================================
         x_scale           square of the length of x that counts as much as one unit of gamma; 0
                           before a tangent has moved x
-        largest_distance  largest distance to a border of a piece so far
+        largest_distance  largest distance of a state to a change of status so far
         scales            scales of the residuals (`System.measure`)
         signs             signs of the test for bifurcations
         ================  =========================================================================
@@ -80,7 +84,7 @@ class ArcSteps(ExactSteps):
         }
 
     def restore(self, known: Mapping[str, Any]) -> None:
-        """Restore the scales and signs (`known`) of a run that is resumed."""
+        """Restore the scales and signs of a run that is resumed, see `known`."""
         self.bordered.x_scale = known["x_scale"] * self.bordered.gamma_scale**2
         self.largest_distance = known["largest_distance"]
         self.corrector.scales = tuple(known["scales"])
@@ -88,12 +92,17 @@ class ArcSteps(ExactSteps):
             self.test.signs[:] = known["signs"]
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
-        """Return the rate problem at a state, with the present memory. Collective."""
+        """Return the rate problem, whose solutions are the directions out of a state. Collective.
+
+        Args:
+            y: state (x, gamma).
+            piece: statuses of the last step.
+        """
         unit = self.unit(self.bordered.events(y, piece))
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
     def leave(self, point: BranchPoint, ray: Ray) -> BranchPoint:
-        """Return the point with the piece and the tangent of an outgoing ray. Collective."""
+        """Return a branch point with the statuses and tangent of an outgoing ray. Collective."""
         if ray.tangent is point.tangent:
             return point
         new = BranchPoint(point.y, ray.tangent, ray.piece, point.gamma, point.step, 0)
@@ -105,7 +114,7 @@ class ArcSteps(ExactSteps):
         """Take a step of at most a given arc length. Collective.
 
         Args:
-            point: point, piece and tangent at the start of the step.
+            point: start of the step, with the statuses and the tangent of the step.
             h: largest arc length.
             gamma_range: range of gamma.
 
@@ -128,15 +137,16 @@ class ArcSteps(ExactSteps):
         at_border: Mask,
         gamma_range: tuple[float, float],
     ) -> Arrival | None:
-        """Take a step of arc length h, or a shorter one that ends at an event. Collective.
+        """Take a step of arc length h, or a shorter one up to a change of status. Collective.
 
-        None if h is too long (see the module).
+        The step also ends where gamma turns back or its range ends. Return None if h is too long;
+        the module lists the criteria.
 
         Args:
-            point: point, piece and tangent at the start.
+            point: start of the step, with the statuses and the tangent of the step.
             h: arc length.
-            at_border: mask of the events (distances to borders of the piece) that are zero at the
-                start of the step, one entry per event on this rank.
+            at_border: mask of the distances to changes of status that are zero at the start of the
+                step, one entry per distance on this rank.
             gamma_range: range of gamma.
         """
         new = self._corrected(point, h)
@@ -169,7 +179,10 @@ class ArcSteps(ExactSteps):
         return new, special, next_h, end is not None
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
-        """Predict and correct a point at arc length h on the piece; None if the corrector fails."""
+        """Predict and correct a point at arc length ``h``, with the statuses of the start.
+
+        Return None if the corrector fails.
+        """
         corrected = self.corrected_step(point, h, point.piece)
         new = None
         if corrected is not None:
@@ -177,10 +190,10 @@ class ArcSteps(ExactSteps):
         return None if new is None else self.rescaled(new)
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
-        """Return whether gamma turns twice, or a border is reached and left again. Collective.
+        """Return whether gamma turns twice, or a status changes and changes back. Collective.
 
-        Both decisions use cubic interpolants of values and rates at the two ends of the step. If
-        only an interpolant turns, but not the solution, the step is shortened without need.
+        Both decisions use cubic interpolants of values and rates at the two ends of the step. If an
+        interpolant turns although the solution does not, the step is shortened unnecessarily.
         """
         b = self.bordered
         ends = (point, new)
@@ -207,7 +220,13 @@ class ArcSteps(ExactSteps):
         return b.anywhere(dips)
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
-        """Return the point between two points at which gamma reaches a given end of its range."""
+        """Return the point within a step at which gamma reaches an end of its range.
+
+        Args:
+            point: start of the step.
+            new: end of the step.
+            gamma: end of the range.
+        """
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)
@@ -215,7 +234,7 @@ class ArcSteps(ExactSteps):
         return self.point_at(point, self._distance(point, end.y), end.y) or end
 
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
-        """Return the distance from a point to y, in the metric of the arc length."""
+        """Return the distance between a branch point and a vector ``y``, as an arc length."""
         return self.bordered.length(y - point.y)
 
 
@@ -239,7 +258,7 @@ def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[
 
 
 def _reached_end(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
-    """Return the end of the range of gamma that a step reaches; None if it reaches none.
+    """Return the end of the range of gamma that a step reaches; None if it stays inside.
 
     A kink at an end of the range, for example where all bonds close without load, may be located on
     either side of this end. Hence an end counts as reached within round-off, unless the step

@@ -20,11 +20,11 @@ _SAME = 1e-9  # relative change that counts as none
 
 
 class Constancy:
-    """Test that data keep the values that they had when this object was created.
+    """Comparison of data with the values that they had when this object was created.
 
     Args:
         comm: communicator of all ranks on which the data exist.
-        data: data to be tested.
+        data: data to be compared.
     """
 
     def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
@@ -33,9 +33,10 @@ class Constancy:
         self._values = [d.values.copy() for d in self._data]
 
     def changed(self) -> str:
-        """Return the name of a datum that has changed by more than 1e-9 of its size. Collective.
+        """Return a description of the first datum that has changed; "" if none has. Collective.
 
-        For a Constant both values are appended. The text is empty if nothing has changed.
+        A datum has changed if it differs by more than 1e-9 of its largest value. For a Constant the
+        description contains both values.
         """
         if not self._data:
             return ""
@@ -57,7 +58,7 @@ class Constancy:
 
 
 def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return absolute differences of two arrays.
+    """Return the absolute differences of the entries of two arrays.
 
     They are 0 where both values are NaN, and infinite where only one of them is finite.
     """

@@ -83,7 +83,7 @@ class Energies:
 
     @property
     def residue(self) -> float:
-        """External work that is neither stored nor dissipated."""
+        """External work minus stored energy, dissipation and damage; 0 in an exact balance."""
         return self.external - self.stored - self.dissipated - self.damage
 
     def residue_since(self, before: Energies) -> float:
@@ -105,7 +105,7 @@ class Energies:
         return asdict(self) | {"residue": self.residue}
 
     def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
-        """Return the energies after a step. Collective.
+        """Return the energies after a quasi-static step. Collective.
 
         Args:
             before: forces at the start of the step.
@@ -153,7 +153,7 @@ class MotionEnergies(Energies):
 
     @property
     def residue(self) -> float:
-        """External work minus all other energies."""
+        """External work minus all other energies, including the growth of the kinetic energy."""
         growth = self.kinetic - self.at_start
         return super().residue - growth - self.damping - self.contact
 
@@ -168,12 +168,13 @@ class SurfaceForces:
         force: normal forces at the n points, positive in compression, shape (n,).
         un: gaps, shape (n,).
         n: unit normals, shape (n, dim).
-        jump: total jumps, shape (n, dim).
-        springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
+        jump: total jumps of the displacement, shape (n, dim).
+        springs: normal forces of a compliant surface without the contribution of adhesion, shape
+            (n,); 0 if the surface is not compliant.
         bonds: energies stored in bonds, shape (n,).
         spent: energies dissipated by bonds in the step, shape (n,).
-        at_rest: whether the obstacle does no work on the body. True for the master of a sliding
-            pair and for surfaces of facets, whose work is not computed.
+        at_rest: True if the work of the obstacle is not computed, as for sliding pairs of bodies
+            and for obstacles of facets.
         obstacle: gaps between the undeformed body and the obstacle, shape (n,).
     """
 
@@ -188,7 +189,10 @@ class SurfaceForces:
     obstacle: Array
 
     def stored_since(self, before: SurfaceForces) -> float:
-        """Return the increase of the energy of bonds and compliant surfaces on this rank."""
+        """Return the energy stored in bonds and compliant surfaces since an earlier state.
+
+        Only the points of this rank are included.
+        """
         bonds = float(np.sum(self.bonds - before.bonds))
         return bonds - float(np.dot((before.springs + self.springs) / 2, self.un - before.un))
 
@@ -229,10 +233,10 @@ class Motion:
     Attributes:
         u: displacement, owned and ghost values.
         v: velocity, owned and ghost values.
-        rows: internal forces, loads and damping R(u) + C v, owned values.
-        load: loads -R(0), owned values.
-        inner: energy of the body without the potential of its loads; None if the bulk is a residual
-            form.
+        rows: residual R(u) and damping forces C v of the body, their sum R(u) + C v, owned values.
+        load: loads, the negative residual -R(0) of the undeformed body, owned values.
+        inner: energy of the body without the potential of its loads; None if the body is defined by
+            a residual form.
         kinetic: kinetic energy.
         surfaces: forces, gaps and energies at the contact points of each surface.
     """
@@ -250,7 +254,13 @@ class Motion:
 
 
 def forces_at(eq: ContactEquations, evaluation: Evaluation) -> Forces:
-    """Return the forces at a state with known reactions. Collective."""
+    """Return all forces that enter the energy balance at a state. Collective.
+
+    Args:
+        eq: equations of the contact problem.
+        evaluation: evaluation of the equations at the state, with the reactions of Dirichlet data
+            and the forces on rigid bodies.
+    """
     assert evaluation.reactions is not None
     assert evaluation.pushes is not None
     n = eq.owned_sizes[0]
@@ -310,7 +320,7 @@ def _at_surface(s: DiscreteSurface, contact: SurfaceEvaluation) -> SurfaceForces
 
 
 def _covered(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
-    """Return, for each contact point, the fraction of its area opposite the master, shape (n,)."""
+    """Return the fraction of the area of each contact point opposite the master, shape (n,)."""
     return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
 
 
@@ -318,7 +328,7 @@ def _covered(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
 
 
 def motion_at(eq: ContactEquations, evaluation: Evaluation, u: Array, v: Array) -> Motion:
-    """Return the state of motion at the start or the end of a step. Collective.
+    """Return displacement, velocity, forces and energies at one time of a motion. Collective.
 
     Args:
         eq: equations with the data at this time.
@@ -346,7 +356,7 @@ def account(
     b: Motion,
     dq: Array,
 ) -> MotionEnergies:
-    """Return the energies after a step. Collective.
+    """Return the energies of a motion after a step. Collective.
 
     Args:
         energies: energies before the step.
@@ -386,7 +396,7 @@ def account(
 def _of_surface(
     eq: ContactEquations, i: int, end: Evaluation, a: Motion, b: Motion, moved: Array, dq: Array
 ) -> MotionEnergies:
-    """Return the increments of the energies at a surface on this rank.
+    """Return the increments of the energies of a motion due to one surface, on this rank.
 
     Args:
         eq: equations of the step.

@@ -54,8 +54,8 @@ class EvolutionStep:
         rejected: number of steps that were tried from the same state before and not accepted.
         jump: whether the state jumps in the step: its end is a solution under the load at ``time``
             that no continuous evolution reaches.
-        directions: number of known solutions of the rate problem at the start; more than one if
-            several evolutions continue from there. None if they were not computed.
+        directions: number of computed solutions of the rate problem at the start, the directions in
+            which the evolution can continue. None if they were not computed.
         inserted: whether ``time`` is not one of the requested times, because a step was halved or a
             jump was located.
         state: state at the end, with time, energies and, in dynamics, velocity. It may be passed to
@@ -76,7 +76,7 @@ class EvolutionStep:
 
     @property
     def status(self) -> str:
-        """Status letters of all contact points, surface by surface, in the order of the tables."""
+        """Status letters of all contact points in the order of the tables of the surfaces."""
         return "".join(t.status for t in self.result.tables.values())
 
     def row(self) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def _at_state(
     supports: Mapping[str, float],
     energies: Energies,
 ) -> dict[str, Any]:
-    """Return the entries of a row of the table that describe the state at one time, by column."""
+    """Return the entries of a row that describe a state, as a dictionary by column name."""
     forces = {
         f"{name}_{axis}": float(v)
         for name, t in tables.items()
@@ -128,9 +128,9 @@ def _at_state(
 
 
 def _mean(table: ContactTable, values: Array) -> float:
-    """Return the mean of a variable of a law over the areas of the points; NaN without points.
+    """Return the mean of a variable of a law over a surface, weighted by the areas of points.
 
-    Points with the letter "d" do not count: no law applies to them.
+    Points with the letter "d" do not count: no law applies to them. NaN without points.
     """
     counts = table.letters != "d"
     area = table.area[counts]
@@ -140,13 +140,14 @@ def _mean(table: ContactTable, values: Array) -> float:
 def _of_supports(
     reactions: Array, displacements: Array, motions: Iterable[tuple[str, Sequence[str], Array]]
 ) -> dict[str, float]:
-    """Return the entries of a row of the table that describe supports and rigid bodies, by column.
+    """Return the entries of a row that describe supports and rigid bodies, by column name.
 
     Args:
         reactions: reaction of each Dirichlet condition, shape (conditions, dim).
         displacements: mean displacement of each condition, NaN in free components, shape
             (conditions, dim).
-        motions: name, names of the components, and motion of each rigid body.
+        motions: for each rigid body its name, the names of its components of motion, and their
+            values.
     """
     columns = {}
     for sign, values in (("", reactions), ("u", displacements)):
@@ -251,7 +252,7 @@ class History(Ends):
         raise KeyError(f"no step ends at {time!r}")
 
     def begin(self, number: int, problem: ContactProblem) -> None:
-        """Set the row of the start in the table of steps. Collective.
+        """Set the first row of the table of steps, which describes the start. Collective.
 
         Args:
             number: number of the last step of earlier runs; 0 if there are none.
@@ -276,18 +277,19 @@ class History(Ends):
 class PathStep(EvolutionStep):
     """Accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
-    If `method` states that all statuses that meet at the point were tried, `directions` is the
-    number of solutions of the rate problem, without the direction leading back. If a smooth
-    bifurcation lies on the step, `directions` counts the path and both directions of the other
-    branch.
+    If all combinations of the statuses that meet at the point were tried, which `method` states,
+    `directions` is the number of directions in which the path can continue. The direction leading
+    back is not counted. If a smooth bifurcation lies on the step, `directions` counts the path and
+    both directions of the other branch.
 
     Attributes:
         gamma: load parameter.
         event: ``"smooth fold"`` if the load turns back without changes of status, ``"nonsmooth
             fold"`` if it turns back because statuses change, ``"kink"`` if statuses change and the
             load continues; otherwise "".
-        before: letters of the statuses on the step to the point, as in `status`, bonds included.
-        after: letters of the statuses on the next step.
+        before: letters of the statuses on the step to the point, in the order of `status`,
+            including the statuses of bonds.
+        after: letters of the statuses on the next step, likewise.
         method: method by which the direction of the next step was found.
         corrections: number of Newton steps of the corrector.
     """
@@ -318,7 +320,7 @@ class PathStep(EvolutionStep):
 
 @dataclass
 class PathHistory(History):
-    """History of a run by arc length; its steps are points, its times are arc lengths.
+    """History of a run by arc length: its steps are points of a path, its times arc lengths.
 
     Attributes:
         gamma: load parameter at the start.

@@ -3,9 +3,9 @@ r"""Changes of the state in a step, and jumps under a load that continues smooth
 
 The change from a state a to a state b consists of
 
-    moved      largest displacement of a node, a length
+    moved      largest displacement of a node
     unknowns   |x_b - x_a| with all unknowns x as lengths
-    means      mean change |j_b - j_a| of the jump at the points of each surface, a length
+    means      mean change |j_b - j_a| of the jump at the points of each surface
     bonds      mean change of the softening variable of the bonds of each surface.
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
@@ -79,10 +79,11 @@ class StateChanges:
     """Changes from one state to another, as defined in the module.
 
     Attributes:
-        parts: changes "moved" and "unknowns" of the module (indices `MOVED` and `UNKNOWNS`);
-            between states of equilibrium also "means" and then "bonds" of the n surfaces; shape
-            (2 + 2 n,).
-        largest: largest change of the jump at a point of each surface, a length, shape (n,).
+        parts: largest displacement of a node, and norm of the change of all unknowns (indices
+            `MOVED` and `UNKNOWNS`). Between states of equilibrium they are followed by the mean
+            change of the jump at the points of each of the n surfaces, and by the mean change of
+            the softening variable of its bonds; shape (2 + 2 n,).
+        largest: largest change of the jump at a point of each of the n surfaces, shape (n,).
         broken: largest weakening of a bond of each surface, relative to the remaining strength of
             its strongest bond; 0 if this strength is unknown; shape (n,).
     """
@@ -93,11 +94,15 @@ class StateChanges:
 
     @property
     def unknowns(self) -> float:
-        """Norm of the change of all unknowns, a length."""
+        """Norm of the change of all unknowns, in the unit of length."""
         return float(self.parts[UNKNOWNS])
 
     def rates(self, duration: float) -> Array:
-        """Return `parts`, then `largest`, divided by the duration, shape (2 + 3 n,)."""
+        """Return the rates of `parts`, followed by those of `largest`, shape (2 + 3 n,).
+
+        Args:
+            duration: time between the two states.
+        """
         return np.asarray(np.concatenate([self.parts, self.largest]) / duration)
 
 
@@ -126,9 +131,15 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array, Array]:
     """Return the changes at the points of a surface on this rank, without clamped points.
 
+    Args:
+        a: first state.
+        b: second state.
+        k: index of the surface.
+
     Returns:
-        Changes of the jump, lengths; changes of the softening variable of bonds; and remaining
-        strengths in the first state, the distances of this variable to its final value.
+        Changes of the jump of the displacement, lengths; changes of the softening variable of
+        bonds; and remaining strengths of bonds in the first state, as distances of the softening
+        variable to its final value.
     """
     assert isinstance(a.forces, Forces)
     assert isinstance(b.forces, Forces)
@@ -203,13 +214,14 @@ def find_jump(
     Halves of the step are examined recursively, the earlier half first. A part of the step contains
     no jump if the state changes slowly in it, by a small fraction of the change in the step, along
     a straight line, or evenly (equally in both halves, and in the quarters if they are long
-    enough). If a part of the shortest length remains, the branch of solutions decides.
+    enough). If a part of the shortest length remains, the solutions within it are followed from its
+    start to decide whether the state jumps.
 
     Args:
         stepper: stepper of the problem; the state of the Functions is undefined afterwards.
         before: state at the start of the step.
         after: state at its end.
-        slow: rates of `StateChanges.parts` up to which the state does not jump.
+        slow: rates of `StateChanges.parts` up to which the state is assumed not to jump.
         least: shortest length of a step.
 
     Returns:
@@ -248,7 +260,7 @@ class _Search:
         """Examine a part of the step.
 
         Args:
-            path: solved states from the start of the whole step to the start of the part.
+            path: accepted states from the start of the whole step to the start of the part.
             end: state at the end of the part.
             even: whether the part is one half of a part in whose halves the state changes equally.
         """
@@ -289,7 +301,13 @@ class _Search:
     def _unsolved(
         self, path: Sequence[AcceptedState], end: AcceptedState, failure: ConvergenceError
     ) -> Found | None:
-        """Return the result of the search if half of a part was not solved. Collective."""
+        """Return the result of the search if a step to half of a part was not solved. Collective.
+
+        Args:
+            path: accepted states up to the start of the part.
+            end: state at the end of the part.
+            failure: error of the step.
+        """
         if self._leads_to_end(path[-1], end):
             return None
         return Found(path[1:], end, failure=failure)
@@ -300,28 +318,31 @@ class _Search:
     def _is_elsewhere(
         self, second: AcceptedState, start: AcceptedState, end: AcceptedState
     ) -> bool:
-        """Return whether the end of two half steps replaces the end of the whole step. Collective.
+        """Return whether two half steps lead to another solution than the whole step. Collective.
 
-        It does if the ends differ and the branch of solutions from the start of the whole step does
-        not lead to its end. Otherwise both ends are equally valid, because friction and damage
-        depend on the steps.
+        This requires that their ends differ, and that the branch of solutions from the start does
+        not lead to the end of the whole step. Otherwise both ends are equally valid, because
+        friction and damage depend on the steps.
 
         Args:
-            second: end of the second half.
+            second: end of the second half step.
             start: start of the whole step.
-            end: its end.
+            end: end of the whole step.
         """
         much = np.maximum(_NEAR * self._change(start, end), self._small)
         different = self._change(second, end) > much
         return bool(different.any()) and not self._leads_to_end(start, end)
 
     def _leads_to_end(self, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether the branch of solutions from the start of a step leads to a given end."""
+        """Return whether solutions followed from the start of a step lead to the given end."""
         branch = branch_of_step(self._stepper, start, end.time)
         return branch.unknowns is not None and self._is_at(branch.unknowns, start, end)
 
     def _is_at(self, unknowns: Array, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether the unknowns at the end of a branch agree with the end of a step."""
+        """Return whether a vector of unknowns agrees with the end of a step.
+
+        The tolerance is relative to the change from ``start`` to ``end``.
+        """
         off = unknowns - end.unknowns
         way = end.unknowns - start.unknowns
         squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
@@ -342,7 +363,10 @@ class _Search:
         return self._stepper.keeps(self._data, start.time, end.time)
 
     def _first(self, before: AcceptedState, time: float) -> AcceptedState | ConvergenceError:
-        """Take the longest step towards a time that is solved; return the last error if none is."""
+        """Step towards a time, with shorter lengths until a step is solved.
+
+        Return the end of this step, or the last error if no step is solved.
+        """
         likely = before.statuses, self._end.statuses
         while True:
             try:
@@ -355,11 +379,14 @@ class _Search:
             time = before.time + length
 
     def _decide(self, path: Sequence[AcceptedState], end: AcceptedState) -> Found | None:
-        """Decide by the branch of solutions whether the state jumps in a shortest step.
+        """Decide by following the solutions within a shortest step whether the state jumps.
 
-        It does not jump if the branch leads to the end of this step. If the branch reaches the end
-        of the searched step, or another state at the end of this step, the evolution continues
-        there.
+        It does not jump if they lead to the end of this step. If they lead to the end of the
+        searched step, or to another state at the end of this step, the evolution continues there.
+
+        Args:
+            path: accepted states up to the start of the shortest step.
+            end: state at its end.
         """
         start = path[-1]
         size = self._change(start, end)
@@ -388,14 +415,14 @@ class _Search:
 
 @dataclass(frozen=True)
 class StepBranch:
-    """Branch of solutions within a step.
+    """Result of following the solutions within a step, up to the load at the end of the step.
 
     Attributes:
-        unknowns: owned unknowns at the final load, as in `AcceptedState`; None if the branch does
-            not reach this load.
-        statuses: statuses at the final load on this rank; None if the branch does not reach it.
-        ends: whether it is proved that no branch reaches the final load.
-        why: reason why the branch does not reach the final load.
+        unknowns: owned unknowns under the load at the end, as in `AcceptedState`; None if this load
+            is not reached.
+        statuses: statuses under this load on this rank; None if it is not reached.
+        ends: whether it is proved that no branch of solutions reaches this load.
+        why: reason why this load is not reached.
     """
 
     unknowns: Array | None = None
@@ -405,7 +432,9 @@ class StepBranch:
 
 
 def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
-    """Follow the branch of solutions of a step from its start to its end. Collective.
+    """Follow the solutions while the load changes from the start to the end of a step.
+
+    Collective.
 
     Args:
         stepper: stepper of the problem.
@@ -421,7 +450,15 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
 
 
 def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
-    """Follow the branches from the start and from their turning points. Collective."""
+    """Follow all branches of solutions from the start of a step. Collective.
+
+    Where the load turns back or branches meet, the rays along which the load grows are followed.
+
+    Args:
+        follower: object that traces the branches.
+        system: equations of the step, with the load as parameter gamma from 0 to 1.
+        x: unknowns at the start.
+    """
     departures = follower.departures(x, 0.0)
     starts = _with_growing_load(follower, x, departures)
     why = f"the load turns back at the start, by {departures.method}"
@@ -462,9 +499,10 @@ def _with_growing_load(
 ) -> list[BranchPoint]:
     """Return the rays to be followed from the start of a step. Collective.
 
-    These are the rays with growing gamma or, if none exist, with constant gamma; the ray with the
-    smallest change of direction is the last. If there is no such ray, but rays may be missing, the
-    start itself is returned, from which the first step searches for a direction.
+    These are the rays along which the load gamma grows or, if none exist, those with constant
+    gamma. The ray that is closest to the tangent at the start is the last. If no ray was found, but
+    rays may be missing, the start itself is returned, from which the first step searches for a
+    direction.
     """
     chosen = follower.rays_with_gamma(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):
@@ -475,12 +513,12 @@ def _with_growing_load(
 
 
 def _turned(step: BranchStep) -> str:
-    """Return the reason to stop following a branch at a fold or bifurcation; "" elsewhere."""
+    """Return the reason to stop following a branch at a fold or bifurcation, otherwise ""."""
     return "the load turns back" if any(s.kind in _TURNS for s in step.special) else ""
 
 
 def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
-    """Return the outgoing rays with growing gamma of a fold or bifurcation. Collective.
+    """Return the rays from a fold or bifurcation along which the load grows. Collective.
 
     `FoundRays.method` of the result states why the load turns back, or why this is unknown.
     """

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Mass and damping matrices of a body in motion.
+"""Mass and damping matrices of a body in motion.
 
-    M = mass matrix of the density                    consistent, lumped or redistributed
+The mass matrix M, consistent, lumped or redistributed, is that of the density. The damping matrix C
+is one of
+
     C = d(damping form)/d(velocity)                   for a damping form affine in the velocity
     C = a M_consistent + b K(0)                       for Rayleigh damping with the factors (a, b)
 
-The matrices are assembled when a run starts. The value of a damping form at zero velocity, such as
-the wind w in c (v - w), is added to the loads.
+with the stiffness matrix K(0) of the undeformed body. The matrices are assembled when a run starts.
+The value of a damping form at zero velocity, such as the wind w in c (v - w), is added to the
+loads.
 """
 
 from __future__ import annotations
@@ -52,7 +55,7 @@ class Matrices:
         velocity: Function of the velocity, used in a damping form.
         density: mass per volume.
         mass: kind of the mass matrix.
-        damping: damping form, pair of Rayleigh factors, or None.
+        damping: damping form, pair of factors of Rayleigh damping, or None.
 
     Attributes:
         data: Functions and Constants of density and damping.
@@ -105,7 +108,13 @@ class Matrices:
             self._assembled = Constancy(self._problem.comm, self._fixed)
 
     def require_constant(self, time: float) -> None:
-        """Raise `ValueError` if the load at a time has changed density or damping. Collective."""
+        """Raise `ValueError` if density or damping has changed since the matrices were assembled.
+
+        They change if the load sets Functions or Constants that occur in them. Collective.
+
+        Args:
+            time: time at which the load was set, for the message.
+        """
         changed = self._assembled.changed()
         if changed:
             raise ValueError(
@@ -143,7 +152,7 @@ class Matrices:
         return mass_matrix(self._problem.V, self._density, "consistent", no_dofs)
 
     def _data_of_stiffness(self) -> list[Datum]:
-        """Return the data on which the stiffness matrix in Rayleigh damping depends."""
+        """Return the Functions and Constants of the stiffness matrix used in Rayleigh damping."""
         stiff = self._bulk.stiffness_data
         return [
             Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
@@ -174,7 +183,7 @@ def _touching_dofs(eq: ContactEquations) -> Mask:
 
 
 def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Mat) -> None:
-    """Log a warning if redistribution changes the centre or the moments of mass. Collective.
+    """Log a warning if redistribution changes the inertia of rigid motions. Collective.
 
     Args:
         problem: contact problem of the body.
@@ -197,7 +206,7 @@ def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Ma
 def _affine_parts(
     form: ufl.Form, u: fem.Function, velocity: fem.Function
 ) -> tuple[ufl.Form, ufl.Form | None]:
-    """Return the derivative of a damping form with respect to the velocity, and its value at 0.
+    """Return the velocity derivative of a damping form, and the form at zero velocity.
 
     Raises:
         ValueError: if the form is not affine in the velocity.
@@ -239,7 +248,7 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
 
 
 def _factors(damping: Any) -> tuple[float, float]:
-    """Return the Rayleigh factors (a, b).
+    """Return the factors (a, b) of Rayleigh damping a M + b K as numbers.
 
     Raises:
         ValueError: unless they are two nonnegative numbers.

@@ -81,7 +81,7 @@ class Method:
     """Parameters of the time integration; `NSCD` explains their values.
 
     Attributes:
-        scheme: scheme of the equation of motion.
+        scheme: time integration of the equation of motion, see `body.moving`.
         theta: weight of the forces at the end of a step, 1/2 to 1.
         level: "position" or "velocity", the level at which Signorini's law holds.
         restitution: coefficient of restitution e at the velocity level, 0 to 1.
@@ -129,7 +129,10 @@ class Method:
 
     @property
     def penetrates(self) -> bool:
-        """Whether points may come to rest inside the obstacle, as deep as they move in one step."""
+        """Whether points may come to rest inside the obstacle.
+
+        The depth is at most the motion of the point in one step.
+        """
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 
@@ -142,7 +145,7 @@ class MotionStepper(Stepper):
         load: function of the time that sets Constants and Functions of the data.
         method: parameters of the time integration.
         matrices: mass and damping of the body.
-        held: nodes of the body with Dirichlet data.
+        held: comparison of the motion with the Dirichlet data.
         progress: whether the progress of the solves is shown, as in `ContactProblem.solve`.
     """
 
@@ -170,7 +173,11 @@ class MotionStepper(Stepper):
     def _taken(
         self, accepted: AcceptedState, time: float, trial: Trial, guess: AcceptedState | None
     ) -> AcceptedState:
-        """Solve a step, with the motion without contact forces as initial guess. Collective."""
+        """Solve a step. Collective.
+
+        The initial guess is the motion without contact forces; ``guess`` and ``trial`` are not
+        used.
+        """
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = problem.equations
@@ -183,7 +190,10 @@ class MotionStepper(Stepper):
         at_end: Evaluation | None = None
 
         def end_of_step(solution: Evaluation) -> tuple[ContactEquations, Evaluation]:
-            """Put u_1 and v_1 into the Functions and evaluate contact there."""
+            """Write displacement and velocity at the end of the step into the Functions.
+
+            Return the equations of the step, and the contact evaluated there.
+            """
             nonlocal at_end
             u = step.displacement(solution.u, body.origin)
             problem.u.x.array[:] = u
@@ -228,10 +238,10 @@ class MotionStepper(Stepper):
         return step
 
     def _free_flight(self, a: Motion, step: TimeStep) -> Array:
-        """Return the displacement w in a step without contact forces, as an initial guess.
+        """Return the unknown displacement of a step without contact forces, as an initial guess.
 
-        Collective. Velocities of nodes without mass are arbitrary and may invert cells. If they do,
-        the displacement of a body at rest is returned.
+        Collective. Velocities of nodes without mass are arbitrary and may invert cells. If this
+        happens, the displacement of a body at rest is returned.
         """
         origin = self._body.origin
         flight = origin + step.gain * step.length * a.v
@@ -241,7 +251,7 @@ class MotionStepper(Stepper):
         return step.seen(a.u, origin)
 
     def _memory_of_laws(self, accepted: AcceptedState, step: TimeStep, dq: Array) -> list[Memory]:
-        """Return the memory for the evaluation of the contact laws at w. Collective.
+        """Return the memory with which the contact laws are evaluated in a step. Collective.
 
         Args:
             accepted: state at the start of the step.
@@ -290,16 +300,18 @@ class MotionStepper(Stepper):
         step: TimeStep,
         dq: Array,
     ) -> Array:
-        """Return initial gaps for which the gap at w has the sign of un'_1 + e un'_0.
+        """Return initial gaps that turn the law for the gap into Moreau's law for velocities.
 
-        At points whose forecast (see the module) is open, the gap is large, so that the contact
-        force vanishes.
+        With them the gap of the step has the sign of un'_1 + e un'_0, where un'_0 and un'_1 are the
+        gap rates at the start and the end of the step and e is the coefficient of restitution. At
+        points that are not forecast to close (see the module), the gap is large, so that the
+        contact force vanishes.
 
         Args:
             eq: equations of the step.
             term: contribution of the surface to the equations (`SurfaceTerm`).
-            at: kinematics at the reference configuration of friction; the law subtracts
-                n . (jump at w - jump there) from the gap.
+            at: kinematics at the reference configuration of friction; the law subtracts n . (jump -
+                jump at this configuration) from the gap, with the normal n.
             a: motion at the start of the step.
             step: time step.
             dq: increment of the unknowns of the rigid bodies.
@@ -348,7 +360,10 @@ class MotionStepper(Stepper):
             )
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Evaluate the contact in the Functions, without the equation of motion. Collective."""
+        """Evaluate contact in the state of the Functions, without the equation of motion.
+
+        Collective.
+        """
         law.equations.read_data()
         x = law.create_vector()
         law.write(x)
@@ -388,18 +403,18 @@ class MotionStepper(Stepper):
 
 
 def _motion(accepted: AcceptedState) -> Motion:
-    """Return the `Motion` of an accepted state."""
+    """Return displacement, velocity and forces (`Motion`) of an accepted state."""
     assert isinstance(accepted.forces, Motion)
     return accepted.forces
 
 
 def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Evaluation:
-    """Return the contact forces of a step with the kinematics at its end. Collective.
+    """Return the contact forces of a step with the kinematics at the end of the step. Collective.
 
     Args:
         eq: equations with the memory of the start of the step.
-        solution: solution w of the step.
-        u: displacement u_1 at its end, owned and ghost values.
+        solution: evaluation of the solution of the step.
+        u: displacement at the end of the step, owned and ghost values.
     """
     surfaces = [
         replace(contact, kinematics=term.kinematics(u, solution.q))
@@ -413,6 +428,8 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
 
 class HeldNodes:
     """Comparison of the displacement and velocity of a motion with its Dirichlet data.
+
+    Nodes with Dirichlet data are called held.
 
     Args:
         problem: contact problem of a time step.
@@ -465,10 +482,10 @@ class HeldNodes:
         )
 
     def watch(self, a: Motion, b: Motion, step: TimeStep) -> None:
-        """Log a warning on rank 0 if velocities of held nodes oscillate. Collective.
+        """Log a warning on rank 0 if velocities at nodes with Dirichlet data oscillate. Collective.
 
-        A velocity oscillates if its deviation from the mean velocity in the step has the same size
-        and alternating sign in three successive steps.
+        Velocities oscillate if their deviations from the mean velocities in the step keep their
+        magnitude and alternate in sign over three successive steps.
 
         Args:
             a: motion at the start of the step.

@@ -67,7 +67,7 @@ _SHORTEST = 2.0**-10  # shortest step, relative to dt
 
 
 def _check(a: Arguments) -> None:
-    """Check the arguments of a motion."""
+    """Check the arguments of `NSCD`."""
     problem = instance(a.problem, "problem", ContactProblem)
     a.dt = positive(a.dt, "dt", "a positive time")
     Method(a.scheme, a.theta, a.level, a.restitution, a.mass)
@@ -97,7 +97,7 @@ def _check(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Return the arguments of a motion that must be the same on all ranks."""
+    """Return the arguments of `NSCD` that must be the same on all ranks."""
     V = a.problem.V
     return {
         "theta": float(a.theta),
@@ -108,7 +108,7 @@ def _compared(a: Arguments) -> dict[str, Any]:
 
 
 def _check_run(a: Arguments) -> None:
-    """Check the arguments of a run through times."""
+    """Check the arguments of `NSCD.run`."""
     if a.locate is not None:
         a.locate = positive(a.locate, "locate", "a positive time")
         if a.locate > a.self._dt:
@@ -142,7 +142,7 @@ class NSCD(Evolution):
         density: mass per volume (in 2D per area, for unit thickness): a number, Constant, Function
             or UFL expression of the coordinates. It must not change during a run; mass and damping
             are assembled when a run starts.
-        dt: largest length of a step, a time. Recommended: at most 1/20 of the shortest period of
+        dt: largest duration of a step. Recommended: at most 1/20 of the shortest period of
             interest, so that this period is at most 0.8 % too long. If contact forces follow waves,
             also at most the time dx/c in which a wave of speed c crosses a cell of size dx (see the
             module).
@@ -258,8 +258,8 @@ class NSCD(Evolution):
                 into equal steps of at most dt.
             start: state at the first time, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``. Default: end of the previous run; in a first run the present
-                Functions with virgin memory. Required in the first run if the problem has had
-                another evolution.
+                Functions with virgin memory (no slip, intact bonds). Required in the first run if
+                the problem has had another evolution.
             locate: time resolution of first contacts: a step in which a point closes is repeated
                 with half the length, down to ``locate``; by default contacts are not located. A
                 step that is not solved is repeated with a quarter of its length, down to ``locate``
@@ -298,12 +298,13 @@ class NSCD(Evolution):
         """Run until the body is at rest. Collective.
 
         Args:
-            max_time: upper bound of the duration, a time.
+            max_time: upper bound of the duration of the run.
             start: state at the start, as in `run`; its time counts as 0.
             rest: fraction of the largest kinetic energy so far. The body counts as at rest if the
                 kinetic energy has been below this fraction for ten steps and for 4 sqrt(rest) of
-                the time since the start. At a reversal of the velocity, for example at the top of a
-                throw, this lasts for a shorter time. Default 1e-6.
+                the time since the start. The second condition excludes reversals of the velocity,
+                for example at the top of a throw, where the kinetic energy is small for a shorter
+                time. Default 1e-6.
             observer: see `run`.
             progress: see `run`.
 

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Quasi-static evolution: equilibrium at every time, friction opposing the slip rates.
+"""Quasi-static evolution: equilibrium at every time, friction opposing the slip rates.
 
-The state x_n+1 at t_n+1 solves the contact problem in which friction opposes the slip since t_n
-(`step`),
+The unknowns x_n+1 at the time t_n+1 solve the contact problem H = 0 in which friction opposes the
+slip since t_n (`step`),
 
     H(x_n+1; m_n, t_n+1 - t_n) = 0,        m_n the memory of x_n.
 
 At the start of a step every slipping point is at the border of stick. Therefore a solve starts with
 the statuses of the previous step. If this fails, the strategies of the static problem are tried
-(`solvers.strategies`). The last of these strategies follow the load from t_n to t_n+1 with the
-memory m_n.
+(`solvers.strategies`). The last of these strategies trace the solution from the load at t_n to that
+at t_n+1, with the memory m_n.
 
 In rate-independent friction, time only orders the loads. Regularised friction depends on the
 velocity, the slip divided by t_n+1 - t_n.
@@ -182,14 +182,14 @@ class QuasiStatic(Evolution):
         By default the steps end exactly at the given times. ``longest`` divides long intervals into
         equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
         (`EvolutionStep.inserted`). Shorter steps change the results of laws depending on time.
-        Indicators of a jump within a step are stored in ``result.indicators.step``, with one
-        warning.
+        Indicators of a jump within a step are stored in ``result.indicators.step``, together with
+        one warning.
 
         In a jump the state changes suddenly although the load changes little. If a run cannot
-        continue, ``history.reason`` or the error states whether this is proved: the load would have
-        to decrease along every solution leading out of the state. The proof applies to a step of
-        the shortest length. A step that was not solved proves nothing. Discontinuities of the data
-        do not count as jumps.
+        continue, ``history.reason`` or the error states whether this is proved. The proof shows
+        that the load would have to decrease along every solution leading out of the state. The
+        proof applies to a step of the shortest length. A step that was not solved proves nothing.
+        Discontinuities of the data do not count as jumps.
 
         Args:
             times: increasing times: the time of the start, then the ends of the steps.
@@ -209,21 +209,21 @@ class QuasiStatic(Evolution):
                 using additional solves. A jump is located to ``shortest``. Without a jump, the
                 additional steps are kept only if they lead to another solution. Jumps of less than
                 a tenth of the change in the step are missed. A step is searched if the state
-                changes more than twice as fast as in the previous step. The rates of all unknowns
-                are compared, and of the points of each surface (mean and maximum) if they exceed
-                half the rate of the body. The first step and steps in which a bond loses more than
-                a quarter of the largest strength are always searched, unless they start in a state
-                that is not a solution. Do not use it for velocity-weakening laws, which have
-                several solutions in short steps. Default: False.
+                changes more than twice as fast as in the previous step. The rate of all unknowns is
+                compared, and also the rates of the points of each surface (mean and maximum) if
+                they exceed half the rate of the body. The first step and steps in which a bond
+                loses more than a quarter of the largest strength are always searched, unless they
+                start in a state that is not a solution. Do not use it for velocity-weakening laws,
+                which have several solutions in short steps. Default: False.
             at_jump: action if no solution continues the evolution. ``"raise"`` (default) raises
                 `NoContinuation`. ``"stop"`` ends the run before the jump. ``"jump"``, with
                 ``locate_jumps``, continues from the solution beyond the jump, or from a solution at
                 a slightly later time, marked by `EvolutionStep.jump`; it raises `NoContinuation` if
                 no such solution is found.
-            rays: whether all solutions of the rate problem are computed and counted in
-                `EvolutionStep.directions`. True: at the start of every step, in 2D with nodal
-                contact. False: never. None (default): only with ``locate_jumps``, for up to sixteen
-                points, in steps in which statuses change.
+            rays: whether all solutions of the rate problem, the directions in which the evolution
+                can continue, are computed and counted in `EvolutionStep.directions`. True: at the
+                start of every step, in 2D with nodal contact. False: never. None (default): only
+                with ``locate_jumps``, for up to sixteen points, in steps in which statuses change.
             extrapolate: whether the solver starts from the extrapolation of the previous step, and
                 from the previous state if that fails; only for bodies sliding over each other.
                 Extrapolation saves iterations in steps up to about one facet. A resumed run

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The rate problem: directions in which an evolution can continue from an accepted state.
+"""The rate problem: directions in which an evolution can continue from an accepted state.
 
-**On a path** (`RateProblem`). At a state y = (x, gamma) whose memory has just been accepted, every
+**On a path** (`RateProblem`). Let H(x, gamma) = 0 be the equations of the contact problem under the
+load gamma, with fixed memory. At a state y = (x, gamma) whose memory has just been accepted, every
 slipping point is at the border of stick, and every breaking bond is at the border of the intact
-status. With the memory frozen, H has one linearisation J for each piece, that is, for each choice
-of statuses of the points at a border. A direction t solves the rate problem if, for one of these
-pieces,
+status. H has one linearisation J for each piece, that is, for each choice of statuses of the points
+at a border. A direction t solves the rate problem if, for one of these pieces,
 
-    J t = 0,        d' (t) >= 0 for all distances d(y) = 0 to borders of the piece.
+    J t = 0,        d'(t) >= 0 for all distances d to borders of the piece with d(y) = 0.
 
 Solutions are searched for in this order:
 
@@ -75,14 +75,14 @@ _SOME = "some of the statuses that meet"
 
 @dataclass(frozen=True)
 class _Falling:
-    """Borders crossed by a direction, ordered by rate, the highest last.
+    """Changes of status that occur along a direction, in ascending order of their rates.
 
-    Each array has one entry per border on this rank.
+    Each array has one entry per change on this rank.
 
     Attributes:
         points: local numbers of the points.
-        targets: statuses beyond the borders.
-        rates: rates at which the distances to the borders decrease.
+        targets: new statuses.
+        rates: rates at which the distances to the changes decrease.
     """
 
     points: Indices
@@ -91,13 +91,15 @@ class _Falling:
 
 
 class RateProblem:
-    """Outgoing directions of a state y = (x, gamma), with the memory of the system. Collective.
+    """Search for the directions in which an evolution can continue from a state. Collective.
+
+    The memory is that of the system.
 
     Args:
         corrector: corrector of the bordered system.
-        y: state.
-        at_border: largest magnitude of the distance of a point that counts as at a border.
-        beyond: magnitude of a negative distance above which a point counts as beyond a border.
+        y: state (x, gamma).
+        at_border: largest distance to a change of status at which a point counts as at the border.
+        beyond: distance by which a point must have passed a border to count as beyond it.
     """
 
     def __init__(self, corrector: Corrector, y: PETSc.Vec, at_border: float, beyond: float):
@@ -113,10 +115,11 @@ class RateProblem:
         """Return the directions in which a path that arrived at the state can continue.
 
         Args:
-            piece: piece of the last step.
+            piece: statuses of the last step.
             t: direction of the last step at the state.
-            every: whether to try all pieces that meet at the state, even if Newton's method finds a
-                direction; not done if the statuses of the last step give one.
+            every: whether to try all combinations of the statuses that meet at the state, even if
+                Newton's method finds a direction. They are not tried if a direction exists with the
+                statuses of the last step.
 
         Returns:
             Outgoing directions, without the direction that leads back; the path continues along the
@@ -137,7 +140,12 @@ class RateProblem:
         return FoundRays(tuple(rays), enumerated.complete, method)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Return the unloading direction of a path that arrived on a piece along ``t``."""
+        """Return the direction in which a path unloads and leads back.
+
+        Args:
+            piece: statuses of the last step.
+            t: direction in which the path arrived.
+        """
         reverse = t.copy()
         reverse.scale(-1.0)
         return FoundRays(self._by_newton(piece, reverse), False, _NEWTON)
@@ -146,7 +154,7 @@ class RateProblem:
         """Return a direction in which a path leaves its start.
 
         Args:
-            piece: initial piece of the search.
+            piece: statuses with which the search begins.
             towards: vector that encloses an angle of at most 90 degrees with the direction.
         """
         newton = self._by_newton(piece, towards, oriented=False)
@@ -155,11 +163,11 @@ class RateProblem:
     # -- one piece -------------------------------------------------------------------------------
 
     def _leads_out(self, ray: Ray) -> bool:
-        """Return whether a direction crosses no border of its piece."""
+        """Return whether the statuses of a direction remain correct along this direction."""
         return not any_rank(self._comm, len(self._falling(ray).points) > 0)
 
     def _falling(self, ray: Ray) -> _Falling:
-        """Return the borders crossed by a direction."""
+        """Return the changes of status that occur when a state moves along a direction."""
         present = self._events(ray, 0.0)
         slopes = _slopes(present, self._events(ray, _PROBE), self._events(ray, -_PROBE))
         largest = self._bordered.largest(slopes)
@@ -170,23 +178,24 @@ class RateProblem:
         return _Falling(present.point[falling], present.target[falling], -slopes[falling])
 
     def _events(self, ray: Ray, shift: float) -> Events:
-        """Return the distances to the borders of a piece at a point along a direction.
+        """Return the distances to changes of status next to the state, along a direction.
 
         Args:
-            ray: direction with its piece.
-            shift: arc length from the state to the point.
+            ray: direction with its statuses.
+            shift: arc length from the state at which the distances are evaluated.
         """
         y = self._bordered.moved(self._y, shift, ray.tangent)
         return self._bordered.events(y, ray.piece)
 
     def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> tuple[Ray, ...]:
-        """Find a direction that crosses no border of its piece by Newton's method.
+        """Find a direction along which no status changes, using Newton's method.
 
         Args:
-            piece: first piece.
-            t: direction in the first piece if ``oriented``; otherwise a vector that encloses an
-                angle of at most 90 degrees with the result.
-            oriented: whether the result is oriented such that det [J; t^T] keeps its sign.
+            piece: initial statuses.
+            t: direction with the initial statuses if ``oriented``; otherwise a vector that encloses
+                an angle of at most 90 degrees with the result.
+            oriented: whether the result is oriented such that the bordered determinant, that of the
+                Jacobian with the direction as last row, keeps its sign.
         """
         for one_by_one in (False, True):
             ray = self._iterate(piece, t, oriented, one_by_one=one_by_one)
@@ -197,10 +206,10 @@ class RateProblem:
     def _iterate(
         self, first: Piece, t: PETSc.Vec, oriented: bool, *, one_by_one: bool
     ) -> Ray | None:
-        """Return the ray found by Newton's method; None if the method cycles or a tangent fails.
+        """Return the ray found by Newton's method; None if the method cycles or finds no tangent.
 
         Args:
-            first: first piece.
+            first: initial statuses.
             t: see `_by_newton`.
             oriented: see `_by_newton`.
             one_by_one: whether only one point changes its status in an iteration.
@@ -228,9 +237,10 @@ class RateProblem:
         return None
 
     def _steepest(self, falling: _Falling) -> _Falling:
-        """Return only the border that is approached at the highest rate on any rank. Collective.
+        """Return only the change of status with the highest rate on any rank. Collective.
 
-        If rates are equal, it is the border of the first point in the order of the system.
+        If rates are equal, it is the change of the first point in the order of the system
+        (`System.order`).
         """
         rates = falling.rates
         steepest = maximum(self._comm, rates, -np.inf)
@@ -246,7 +256,12 @@ class RateProblem:
     # -- several pieces --------------------------------------------------------------------------
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Try all choices of statuses of the points at a border, up to a limit."""
+        """Try all combinations of statuses of the points whose status can change, up to a limit.
+
+        Args:
+            piece: statuses of all other points.
+            t: direction in which tangents are tried first.
+        """
         system = self._bordered.system
         order = system.order()
         events = self._bordered.events(self._y, piece)
@@ -271,17 +286,17 @@ class RateProblem:
         return () if led is None else (led,)
 
     def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
-        """Return the distinct ones of some directions, without the direction that leads back."""
+        """Return directions without duplicates and without the direction that leads back."""
         back = self.back(incoming.piece, incoming.tangent).rays
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)
 
 
 def _slopes(present: Events, ahead: Events, behind: Events) -> Array:
-    """Return derivatives of the distances to borders along a direction, by central differences.
+    """Return derivatives of distances to changes of status along a direction.
 
-    For a border that exists on one side only, such as the border of an intact bond, the derivative
-    is one-sided; for a border that exists on neither side it is 0.
+    They are central differences. If a change is possible on one side only, such as the breaking of
+    an intact bond, the difference is one-sided; if on neither side, the result is 0.
 
     Args:
         present: distances at the state.
@@ -300,16 +315,18 @@ def _slopes(present: Events, ahead: Events, behind: Events) -> Array:
 
 
 def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
-    """Return the statuses of all solutions of the rate problem at the start of a step. Collective.
+    """Return the statuses with which the state can continue at the start of a step. Collective.
+
+    These are the statuses of all solutions of the rate problem along which the load grows.
 
     Args:
         problem: problem of the step (`ContactProblem.step_from`), with the start of the step in its
             Functions and the data of the end of the step.
 
     Returns:
-        Statuses of the rays with growing load, surface by surface on this rank. None if the pieces
-        of H are not polyhedral cones (`reduced.scope`), data of the surfaces change in the step, or
-        the body is singular although its contact points are held.
+        Statuses of each solution, surface by surface on this rank. None if the sets of states with
+        fixed statuses are not polyhedral cones (`reduced.scope`), data of the surfaces change in
+        the step, or the stiffness of the body is singular even with fixed contact points.
     """
     with loaded(problem) as (system, x):
         if not can_condense(system) or not system.leaves_surfaces_alone():
@@ -332,7 +349,9 @@ def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
 
 @contextmanager
 def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
-    """Context manager for the system H(x, gamma) of a step and the unknowns of its start.
+    """Provide the system H(x, gamma) of a step, and the unknowns at the start, as a context.
+
+    The data change linearly with gamma, from the start of the step (0) to its end (1).
 
     Collective.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Runs of histories, motions and paths: the loop over their accepted steps.
+"""Runs of histories, motions and paths: the loop over their accepted steps.
 
 A run proceeds from one accepted state to the next, x_0 -> x_1 -> x_2 ... A `Rule` chooses the steps
 (through given times, to rest, or by arc length) and a `step.Stepper` takes them. `Run.go` handles
@@ -14,7 +14,7 @@ The accepted state is put into the problem before each user function is called, 
 written to the Functions affect neither other listeners nor the next step. After an error the
 problem is in the last accepted state. `Runnable` is the base of the user-facing classes. A run
 starts from a given `State`, from the end of the last run, or, in the first run, from the Functions
-with virgin memory.
+with virgin memory (no slip, intact bonds).
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ class RunState:
         reason: reason for the end of the run, as a sentence.
         rate: rates of change in the last step of a history or motion (`jumps.StateChanges`); None
             before the first step and on paths.
-        arrived: point of the accepted state on a path, with piece and tangent of the step that
-            ended there; None at the start.
-        known: scales and signs determined by the steps of a path (`ArcSteps.known`).
-        passed: arc lengths of all points of a path so far, beginning with the start of the run.
+        arrived: accepted state of a path as a branch point, with the statuses and the tangent of
+            the step that ended there; None at the start.
+        known: scales and signs that the steps of a path have determined (`ArcSteps.known`).
+        passed: arc lengths of all points of a path in this run, including the start of the run.
     """
 
     accepted: AcceptedState
@@ -122,7 +122,7 @@ class Rule(ABC, Generic[T]):
         self.stuck: Ended | None = None
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """End the run in its present state. The default reason is the sentence of the `Ending`."""
+        """End the run in its present state. The default reason is the text of the `Ending`."""
         self.state = replace(self.state, ending=ending, reason=reason or ending.value)
 
     def begin(self) -> None:
@@ -154,7 +154,10 @@ class Rule(ABC, Generic[T]):
         """Free matrices and solvers of the rule. Collective."""
 
     def require_continuation(self, history: History) -> None:
-        """Raise `NoContinuation` if the run ended with an error. Not collective."""
+        """Raise `NoContinuation` if no step continued the run and this is an error.
+
+        Not collective.
+        """
 
 
 @dataclass(frozen=True)
@@ -194,7 +197,7 @@ class Run(Generic[T, H]):
     Args:
         stepper: stepper that puts states into the problem.
         rule: rule that chooses the steps.
-        listeners: validated listeners of the user.
+        listeners: the user's listeners, validated.
         history: history to which the steps, and the reason for the end of the run, are added.
 
     Attributes:
@@ -278,7 +281,11 @@ class Run(Generic[T, H]):
         self._show(step)
 
     def _show(self, step: EvolutionStep) -> None:
-        """Show the position of the run, the numbers of statuses, and elapsed and remaining time."""
+        """Show the progress of the run on a line.
+
+        The line contains the position of the run, the numbers of points with each status, and the
+        elapsed and remaining time.
+        """
         if not self._progress.due:
             return
         rule = self._rule
@@ -298,8 +305,9 @@ class Runnable(ReadOnly, Generic[T, H]):
 
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
-        account: class in which energies are stored, `Energies` or a subclass.
-        method: lines that describe the parameters of the method, for the manifest of a record.
+        account: class of the energies, `Energies` or a subclass.
+        method: lines of text that describe the parameters of the method, for the manifest of a
+            record.
         data: Functions and Constants in addition to those of the problem, such as a density.
         forms: forms in addition to those of the problem, such as damping.
         driven: expressions that define Dirichlet data as functions of a load.
@@ -392,8 +400,8 @@ class Runnable(ReadOnly, Generic[T, H]):
 
         Raises:
             ValueError: on every rank, if ``start`` is missing in a first run that requires it,
-                because the problem has had another evolution. With virgin memory, bonds broken in
-                that evolution would heal silently.
+                because the problem has had another evolution. With virgin memory (no slip, intact
+                bonds), bonds broken in that evolution would heal silently.
         """
         before = self._run_state if start is None else None
         require(
@@ -415,11 +423,11 @@ class Runnable(ReadOnly, Generic[T, H]):
         return self._run(task, self.begun(task, run_state), listeners)
 
     def _has_begun(self) -> None:
-        """Note in the problem that an evolution of this class has begun. Not collective."""
+        """Record in the problem that an evolution of this class has begun. Not collective."""
         self.problem.evolved.append(type(self).__name__)
 
     def _run(self, task: T, run_state: RunState, listeners: Listeners) -> H:
-        """Run from a given state to the end; store the last accepted state. Collective."""
+        """Run from a given state until the run ends; keep its last accepted state. Collective."""
         stepper = self.stepper(listeners.progress)
         rule = self._rule(stepper, task, run_state)
         run = Run(stepper, rule, listeners, self.history(run_state))

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""One step of an evolution, from an accepted state to the next.
+"""One step of an evolution, from an accepted state to the next.
 
-A state x_n at the time t_n has the memory m_n: the jumps of the contact points and the internal
-variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load at t_n+1, and
+A state with the unknowns x_n at the time t_n has the memory m_n: the jumps of the contact points
+and the internal variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load
+at t_n+1. Let H be the equations of the contact problem, A the update of the memory and E the
+energies. The step
 
     1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the slip increment
                                                      since x_n (`ContactProblem.step_from`),
@@ -64,8 +66,8 @@ class AcceptedState:
         solved: whether the state is a solution under its load; a start need not be a solution.
         forces: forces at the state, for the energies of the next step; in dynamics the motion.
         result: tables, resultants and checks of the step that ended there; None at a start.
-        directions: number of known solutions of the rate problem at the start of that step; None if
-            they were not computed.
+        directions: number of computed directions in which the evolution could continue at the start
+            of that step (solutions of the rate problem); None if they were not computed.
     """
 
     state: State
@@ -127,7 +129,7 @@ class Stepper:
         guess: AcceptedState | None = None,
         trial: Trial | None = None,
     ) -> AcceptedState:
-        """Step from an accepted state to a time; write the end into the Functions. Collective.
+        """Step from an accepted state to a time, and write the result to the Functions. Collective.
 
         Args:
             accepted: state at the start of the step.
@@ -167,7 +169,9 @@ class Stepper:
         return self.accept(step, end.statuses, memory, time, energies, forces, result=result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
-        """Put an accepted state into the Functions; return the next step's problem. Collective.
+        """Prepare a step; return its contact problem. Collective.
+
+        The Functions contain the accepted state and the data are those at the end of the step.
 
         Args:
             accepted: state at the start of the step.
@@ -278,7 +282,7 @@ class Stepper:
             )
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
-        """Return the start of an evolution; the load at its time must be set. Collective.
+        """Return the start of an evolution; the load at this time must be set. Collective.
 
         Args:
             time: time of the start.
@@ -315,7 +319,7 @@ class Stepper:
         )
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
-        """Return the end of a run with the present data: the start of a later run. Collective."""
+        """Return the end of a run as start of a later run with the present data. Collective."""
         self.put(accepted)
         law = self.problem.with_memory(accepted.memory)
         solved = _residual(law.equations, law.evaluate()) <= _SOLVED
@@ -324,7 +328,9 @@ class Stepper:
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """Return the state in the Functions as an accepted state at a given time. Collective.
+        """Return the state in the Functions, which belongs to a given time, as an accepted state.
+
+        Collective.
 
         Args:
             time: time of the state.
@@ -351,7 +357,7 @@ class Stepper:
         of a step without increment (equilibrium with friction within its bound).
 
         Args:
-            law: problem with the law with which the state was computed.
+            law: problem with the contact law (and memory) with which the state was computed.
             evaluation: evaluation of the state.
             memory: memory from which the first step starts.
         """
@@ -383,11 +389,17 @@ class Stepper:
         return Energies(), forces_at(law.equations, evaluation)
 
     def _more(self) -> dict[str, Any]:
-        """Return additional items of the state, such as a velocity. Not collective."""
+        """Return additional items of a state as keywords of `State`, such as the velocity.
+
+        Not collective.
+        """
         return {}
 
     def _show_more(self, state: State) -> None:
-        """Put the additional items of `_more` into the Functions. Collective."""
+        """Write the additional items of a state, such as the velocity, into the Functions.
+
+        Collective.
+        """
 
     # -- accepted states -------------------------------------------------------------------------
 
@@ -407,13 +419,13 @@ class Stepper:
         """Return the state in the Functions as an accepted state. Collective.
 
         Args:
-            law: problem with the law with which the state was computed.
+            law: problem with the contact law (and memory) with which the state was computed.
             statuses: statuses of the contact points.
             memory: memory from which the next step starts, one per surface.
             time: time of the state.
             energies: energies since the start.
             forces: forces at the state.
-            known: whether the next step starts with these statuses.
+            known: whether the solver uses these statuses as initial guess of the next step.
             solved: whether the state is a solution under its load.
             result: result of the step; None at a start.
         """
@@ -440,7 +452,7 @@ class Stepper:
 
 
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
-    """Return the relative residual of a state; 0 if its forces are round-off. Collective.
+    """Return the relative residual of a state; 0 if all forces are below round-off. Collective.
 
     A state without displacements and forces defines no scale of forces. In this case forces count
     as zero if they move a node by less than 1e-12 of the body size.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rules of histories and motions: steps through given times, or until the body is at rest.
+"""Rules of histories and motions: steps through given times, or until the body is at rest.
 
 Between two given times t_k and t_k+1 the rule takes n equal steps,
 
@@ -12,9 +12,10 @@ and hits the given times exactly. Additional steps are inserted only on request:
                 sliding over each other h/2 is tried first: Newton's method solves a step of about
                 one facet of the master in a few iterations, and if it fails, shorter steps cost
                 less than the remaining `strategies`.
-    jumps       a step is searched for a jump (`jumps`) if its rates exceed twice the rates of the
-                previous step: rates of `StateChanges.parts`, and of the largest change at a point
-                of each surface. Points that begin to slip may move with half the rate of the body.
+    jumps       a step is searched for a jump (`jumps`) if the rate of the unknowns, or the mean or
+                largest rate of the points of a surface, exceeds twice its value in the previous
+                step, or if a bond loses more than a quarter of the largest strength. Points that
+                begin to slip may move with half the rate of the body.
     locate      a step in which a point closes is repeated with h/2.
 
 The rule `ToRest` ends a motion once its kinetic energy E has satisfied E <= rest max E at the ends
@@ -27,8 +28,8 @@ several solutions (`rate_problem`). On request these solutions are counted, and 
 tried if a step is not solved.
 
 In a long step of sliding bodies Newton's method may converge to a folded state that does not
-continue the evolution: the smallest det F falls below half of its previous value (at most 1). Such
-a step is not accepted.
+continue the evolution: the smallest determinant of the deformation gradient F falls below half of
+its previous value (at most 1). Such a step is not accepted.
 """
 
 from __future__ import annotations
@@ -107,13 +108,14 @@ class HistoryTask:
         longest: upper bound of the length of a step.
         shortest: lower bound of the length of a halved step.
         at_jump: action if no solution continues the evolution.
-        locate: whether steps in which a point closes are shortened, down to ``shortest``.
+        locate: whether steps in which a contact point closes are shortened, down to ``shortest``.
         rest: fraction of the largest kinetic energy below which a motion is at rest and the run
             ends (see `NSCD.settle`); 0: the run ends at the last time.
         locate_jumps: whether steps with sudden changes are searched for jumps.
         halve: whether steps that are not solved are repeated with a shorter length.
-        rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
-            points, in steps in which statuses change.
+        rays: whether all solutions of the rate problem, the directions in which the evolution can
+            continue, are computed; None: only for up to sixteen points, in steps in which statuses
+            change.
         extrapolate: whether the solver starts from the extrapolation of the last step if bodies
             slide.
 
@@ -149,7 +151,7 @@ class HistoryTask:
             raise ValueError("at_jump='jump' needs locate_jumps=True")
 
     def requested(self, time: float) -> float:
-        """Return the length of the equal steps requested for the interval that contains a time.
+        """Return the length of the equal steps into which the interval around a time is divided.
 
         It is 0 if the time is not in the range of `times`.
         """
@@ -239,7 +241,10 @@ class ThroughTimes(Rule[HistoryTask]):
             self.end(Ending.REACHED, _REACHED)
 
     def _towards(self, end: float) -> Iterator[EvolutionStep]:
-        """Try a step towards a time; yield the accepted steps, or prepare a shorter step."""
+        """Try a step towards a time; yield the accepted steps.
+
+        If the step is not accepted, a shorter one is prepared for the next call.
+        """
         task = self.task
         start = self.state.accepted
         goal = _aim(start.time, end, self.state.length)
@@ -342,7 +347,7 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _with_indicators(self, after: AcceptedState, change: StateChanges) -> Result:
-        """Add indicators of jumps and of alternating friction to the result of a step."""
+        """Return the result of a step with indicators of jumps and of alternating friction."""
         before = self.state.accepted
         result = after.result
         assert result is not None
@@ -369,7 +374,12 @@ class ThroughTimes(Rule[HistoryTask]):
     # -- one step --------------------------------------------------------------------------------
 
     def _trial(self, goal: float, end: float) -> Trial:
-        """Return the solver strategies for a step to ``goal`` on the way to the time ``end``."""
+        """Return the strategies of the solver for a step.
+
+        Args:
+            goal: time at the end of the step.
+            end: next of the given times.
+        """
         if not self._slides:
             return Trial()
         task = self.task
@@ -388,7 +398,8 @@ class ThroughTimes(Rule[HistoryTask]):
         """Step from the accepted state to a time. Collective.
 
         Raises:
-            ConvergenceError: if no strategy solves the step, or its end is folded.
+            ConvergenceError: if no strategy solves the step, or the deformation at its end is
+                folded.
         """
         start = self.state.accepted
         after: AcceptedState | None = None
@@ -415,7 +426,14 @@ class ThroughTimes(Rule[HistoryTask]):
         return after if rays is None else replace(after, directions=len(rays))
 
     def _rays(self, start: AcceptedState, time: float) -> Sequence[Statuses] | None:
-        """Return the statuses of all solutions of the rate problem; None if none are computed."""
+        """Return the statuses with which the state can continue; None if they are not computed.
+
+        These are the statuses of all solutions of the rate problem.
+
+        Args:
+            start: state at the start of the step.
+            time: time at the end of the step.
+        """
         if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
             return None
         found = rays_of_step(self._stepper.begin(start, time))
@@ -428,9 +446,9 @@ class ThroughTimes(Rule[HistoryTask]):
         return not any_rank(self._comm, any(d.any() for d in differs(a, b)))
 
     def _require_unfolded(self, after: AcceptedState) -> None:
-        """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective.
+        """Raise `ConvergenceError` if the deformation becomes folded in a step. Collective.
 
-        F is the deformation gradient.
+        This is the case if the smallest determinant of the deformation gradient falls suddenly.
         """
         start = self.state.accepted
         if not self._slides or self._stepper.problem.equations.bulk.linear or not start.solved:
@@ -453,7 +471,7 @@ class ThroughTimes(Rule[HistoryTask]):
         return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
 
     def _closes(self, after: AcceptedState) -> bool:
-        """Return whether a point closes in a step. Collective."""
+        """Return whether a contact point closes in a step. Collective."""
         pairs = zip(self.state.accepted.state.statuses, after.state.statuses, strict=True)
         here = any((closed(new) & ~closed(old)).any() for old, new in pairs)
         return any_rank(self._comm, here)
@@ -474,9 +492,9 @@ class ThroughTimes(Rule[HistoryTask]):
         return find_jump(self._stepper, before, after, slow, self.task.shortest)
 
     def _slow_rates(self, after: AcceptedState) -> Array | None:
-        """Return the rates of `StateChanges.parts` that count as slow. Collective.
+        """Return the rates of change up to which the state is assumed not to jump. Collective.
 
-        None if the state does not change suddenly in the step.
+        They refer to `StateChanges.parts`. None if the state does not change suddenly in the step.
 
         Args:
             after: end of the step from the accepted state.
@@ -552,11 +570,11 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _beyond(self, goal: float) -> AcceptedState | None:
-        """Jump to a time for which no solution was found, if the run may jump. Collective.
+        """Find a solution at a time at which a step was not solved, if the run may jump.
 
-        A solution at a later time is searched for, at increasing distances. The solver then starts
-        from this solution, or from solutions in between, to solve for the given time. None if this
-        also fails, or if the run must not jump.
+        Collective. A solution at a later time is searched for, at increasing distances. The solver
+        then starts from this solution, or from solutions in between, to solve for the given time.
+        The result is None if this also fails, or if the run must not jump.
         """
         if self.task.at_jump != "jump":
             return None
@@ -613,9 +631,12 @@ class ToRest(ThroughTimes):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """Return the end of the first of the equal steps from ``start`` to ``end``.
+    """Return the end of the first step if an interval is divided into equal steps.
 
-    Their number is the smallest for which they are at most ``length`` long.
+    Args:
+        start: start of the interval.
+        end: end of the interval.
+        length: upper bound of the length of a step; the number of steps is the smallest possible.
     """
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps
