@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Self-contained HTML pages for exploring records without a network.
+"""Self-contained HTML pages for exploring recorded branches and histories offline.
 
-This extension reads journals. `lines.py` turns a journal into columns and special
+This extension reads the journals of records. `lines.py` turns a journal into columns and special
 points, `surfaces.py` packs deformed bodies and contact tables (see `packing.py`), and
 `html_page.py` writes the file with plotly and the scripts of this folder.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Write an HTML page for exploring a record."""
+"""Write an HTML page for exploring a record of branches, a history or a path."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class SolutionCount:
     """Number of solutions at one value of the parameter gamma.
 
     Attributes:
-        gamma: parameter, a finite number.
+        gamma: value of the parameter, a finite number.
         count: number of known solutions.
         proved: whether it is proved that there are no other solutions.
         method: name of the method by which solutions were counted.
 
     Raises:
-        ValueError: if gamma or the count is out of its range.
+        ValueError: if gamma is not finite, or the count is negative.
     """
 
     gamma: float
@@ -135,7 +135,7 @@ def explorer(
         OSError: if the record cannot be read or the page cannot be written; an existing page is
             then unchanged.
         ValueError: if an argument is out of its range, a label belongs to no column, or the record
-            is damaged or has no point yet.
+            is corrupt or has no point yet.
         ModuleNotFoundError: if plotly is not installed.
 
     Example:
@@ -162,10 +162,10 @@ def _put(path: Path, text: str) -> None:
 
 
 def _library() -> bytes:
-    """Return the script of plotly.
+    """Return the JavaScript file of plotly.
 
     Raises:
-        ModuleNotFoundError: if plotly or its script is not installed.
+        ModuleNotFoundError: if plotly or this file is not installed.
     """
     plotly = optional("plotly", "explorer", in_debian=False)
     file = files(plotly) / "package_data" / "plotly.min.js"
@@ -186,8 +186,8 @@ class _Page:
         title: title; "" for the name of the record.
         labels: displayed names of columns, by column.
         units: names of units, by quantity.
-        error: largest relative error of a displacement.
-        counts: numbers of solutions.
+        error: largest error of a displacement, relative to the largest displacement.
+        counts: numbers of solutions at values of gamma.
         library: script of plotly.
     """
 
@@ -248,7 +248,15 @@ class _Page:
         *,
         check: bool = True,
     ) -> str:
-        """Return the HTML text of a page, given its arrays and descriptions.
+        """Return the HTML text of a page.
+
+        Args:
+            arrays: compressed arrays of the page.
+            content: description of bodies, lines and axes for the scripts.
+            name: title if the user gave none.
+            columns: names of the columns.
+            notes: remarks shown on the page.
+            check: whether labels of unknown columns are refused.
 
         Raises:
             ValueError: if a label belongs to no column.
@@ -286,7 +294,10 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
     def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Describe the columns; remove the items for functionals and scales from ``content``."""
+        """Return a description of each column: name, label, scale, and whether it is a functional.
+
+        The items ``functionals`` and ``scales`` are removed from ``content``.
+        """
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         scales = content.pop("scales", {})
@@ -302,7 +313,11 @@ class _Page:
 
 
 def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
-    """Store the columns of all lines, concatenated, in ``arrays``; describe the lines."""
+    """Store the columns of all lines in ``arrays``, one line after the other.
+
+    Returns:
+        Description of the lines and axes for the scripts of the page.
+    """
     counts = [len(line.statuses) for line in diagram.lines]
     firsts = np.cumsum([0, *counts]).tolist()
     values = [
@@ -345,9 +360,10 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _without_tex(text: str) -> str:
-    r"""Return a label with formulas between dollars as plain text: ``$\gamma_1$`` becomes "γ₁".
+    r"""Return a label in which formulas between dollars are replaced by plain text.
 
-    An index with characters that are not in `_SUBSCRIPTS` is not converted.
+    For example, ``$\gamma_1$`` becomes "γ₁". An index with characters that are not in `_SUBSCRIPTS`
+    is not converted.
     """
 
     def lowered(index: re.Match[str]) -> str:

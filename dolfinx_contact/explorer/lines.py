@@ -30,11 +30,11 @@ class BranchLine:
         name: name displayed in the legend.
         number: number of the branch; 0 for histories and paths.
         columns: values at all points, by name.
-        statuses: letters of all contact points, one string per point.
-        marks: special points, one dictionary each: ``index`` of the following or same point of the
-            line, ``kind``, ``text``, a dictionary ``at`` of column values that are known at the
-            special point, and ``share``, its relative position between the preceding point (0) and
-            the point ``index`` (1).
+        statuses: status letters of all contact points, one string per point of the line.
+        marks: special points, one dictionary each: ``index`` of the same or the following point of
+            the line; ``kind``; ``text``; ``at``, a dictionary of column values that are known at
+            the special point; and ``share``, its relative position between the preceding point (0)
+            and the point ``index`` (1).
         linear: whether the state is piecewise linear between the points.
         ending: reason why the line ends; "" if the run has not ended.
     """
@@ -50,14 +50,14 @@ class BranchLine:
 
 @dataclass
 class DiagramData:
-    """Lines of a diagram, and columns and properties of the journal.
+    """Lines of a diagram, with the columns and properties of the journal from which they come.
 
     Attributes:
-        kind: description of the kind of the record.
+        kind: description of the record, such as "branches" or "a history".
         along: column over which the lines are plotted: gamma, time or arc.
         columns: names of all columns.
-        functionals: names of the columns with the user's functionals; for histories and paths,
-            contact forces.
+        functionals: names of the columns that contain functionals defined by the user; for
+            histories and paths, contact forces.
         lines: lines in order.
         unfinished: whether the journal is still being written or was interrupted.
         alike: groups of columns sharing a scale, such as the components of a force.
@@ -72,7 +72,7 @@ class DiagramData:
     alike: list[list[str]] = field(default_factory=list)
 
     def scales(self) -> dict[str, float]:
-        """Return the largest modulus of each column, or of its group in `alike`."""
+        """Return the largest modulus of each column, or of its group in `alike`, by column."""
         columns = {
             n: np.concatenate([line.columns[n] for line in self.lines]) for n in self.columns
         }
@@ -87,7 +87,10 @@ class DiagramData:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """Columns initially shown: gamma or time, and a varying column (functionals first)."""
+        """Columns that the page shows first, for the horizontal and the vertical axis.
+
+        These are gamma or time, and a column that is not constant, preferably a functional.
+        """
         across = "gamma" if "gamma" in self.columns else self.along
         others = [n for n in self.columns if n not in (across, self.along, "length")]
 
@@ -99,7 +102,7 @@ class DiagramData:
 
 
 def diagram_of(journal: AnyRecord) -> DiagramData:
-    """Return the lines of a journal, also of a run in progress.
+    """Return the lines of a journal, which may belong to a run in progress.
 
     Raises:
         ValueError: if no point was recorded yet.
@@ -143,7 +146,13 @@ def _branches(journal: Journal) -> DiagramData:
 
 
 def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
-    """Return the mark of a special point on the way to the point ``index``."""
+    """Return the mark of a special point (`BranchLine.marks`).
+
+    Args:
+        special: special point.
+        index: index of the point of the branch that follows it, or coincides with it.
+        gammas: values of gamma at the points of the branch.
+    """
     gamma = float(special.gamma)
     share = 1.0
     if index > 0:
@@ -213,5 +222,5 @@ def _span(values: Array) -> float:
 
 
 def _number(value: Any) -> float:
-    """Return a value of a row as a number; NaN if it is not a number."""
+    """Return an entry of a row as a number; NaN if it is not a number."""
     return float(value) if isinstance(value, int | float) else float("nan")

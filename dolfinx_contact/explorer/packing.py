@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compression of arrays for a page: lossless, or by few modes with a bounded error.
 
-State i of a field is approximated by u_i = sum_k c_ik v_k. The modes v_k are the first singular
-vectors of a block of states, stored as 16-bit integers times a step size. The reported error is the
-difference between decoded and original values at every vertex of every state. Bytes of equal
-significance are stored next to each other, which improves compression by deflate.
+The values u_i of a field in state i are approximated by u_i = sum_k c_ik v_k with coefficients
+c_ik. The modes v_k are the first singular vectors of a block of states, stored as 16-bit integers
+times a step size. The reported error is the difference between decoded and original values at every
+vertex of every state. Bytes of equal significance are stored next to each other, which improves
+compression by deflate.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _INT16 = 32767
 
 
 def deflated(data: bytes) -> str:
-    """Return deflated data as base64."""
+    """Compress data with deflate and return them as a base64 string."""
     return base64.b64encode(zlib.compress(data, 9)).decode()
 
 
@@ -44,13 +45,13 @@ class Arrays:
         self.formats: dict[str, dict[str, Any]] = {}
 
     def add_text(self, name: str, text: str) -> str:
-        """Add a text and return its name."""
+        """Store a compressed text under a name, and return the name."""
         self.data[name] = deflated(text.encode())
         self.formats[name] = {"dtype": "text", "shape": [], "xor": False}
         return name
 
     def add(self, name: str, values: npt.NDArray[Any], *, xor: bool = False) -> str:
-        """Add an array with lossless compression and return its name.
+        """Store an array with lossless compression under a name, and return the name.
 
         Args:
             name: unique name of the array.
@@ -72,17 +73,17 @@ class Arrays:
         return name
 
     def add_field(self, name: str, values: npt.NDArray[Any], allowed: float) -> dict[str, Any]:
-        """Add a field with a bounded error.
+        """Store a field with a bounded error.
 
         Args:
             name: unique name of the field.
-            values: values at the vertices of all states, shape (states, vertices, components).
-            allowed: largest admissible length of the error vector at a vertex; at least 1e-4 of the
-                largest value.
+            values: values at the vertices in all states, shape (states, vertices, components).
+            allowed: largest admissible Euclidean norm of the error at a vertex; at least 1e-4 of
+                the largest value.
 
         Returns:
             Description for the page: ``blocks`` of states, each with the index of its first state;
-            the measured ``error``; and the shape.
+            the measured ``error``; and the numbers of ``vertices`` and ``components``.
         """
         blocks = []
         error = 0.0
@@ -104,11 +105,15 @@ class Arrays:
 
 
 def _reduced(values: Array, allowed: float) -> tuple[Any, Any, Any, float]:
-    """Approximate a block of m states, with d components at n vertices, by r modes.
+    """Approximate a field in a block of m states by r modes.
+
+    Args:
+        values: values with d components at n vertices, shape (m, n, d).
+        allowed: largest admissible Euclidean norm of the error at a vertex.
 
     Returns:
-        Modes, shape (r, n d); step sizes of their integers, shape (r,); coefficients, shape (m, r);
-        and error.
+        Modes as integers, shape (r, n d); factors by which the integers of each mode are
+        multiplied, shape (r,); coefficients, shape (m, r); and largest error at a vertex.
     """
     count = len(values)
     flat = values.reshape(count, -1)

@@ -43,7 +43,8 @@ def add_bodies(
         error: largest error of a displacement, relative to the largest displacement.
 
     Returns:
-        Items ``body``, ``fields`` and ``surfaces`` of the page; and notes that state the errors.
+        Items ``body``, ``fields`` and ``surfaces`` of the page; and notes for the reader of the
+        page that state the errors.
     """
     u = np.array([state.u for state in states])
     fields = {"displacement": _field(arrays, "displacement", "|u|", u, error)}
@@ -86,7 +87,14 @@ def add_bodies(
 def _field(
     arrays: Arrays, name: str, label: str, values: npt.NDArray[Any], error: float
 ) -> dict[str, Any]:
-    """Add a field of shape (states, vertices, components) and return its description.
+    """Add a field on the outer surface to the page and return its description.
+
+    Args:
+        arrays: arrays of the page.
+        name: name of the field.
+        label: label of the field on the page.
+        values: values, shape (states, vertices, components).
+        error: largest error, relative to the largest value.
 
     Raises:
         ValueError: if a value is not finite.
@@ -101,7 +109,12 @@ def _field(
 
 
 def _scale(largest: float, size: float) -> float:
-    """Return a factor that makes small displacements visible: 1, 2 or 5 times 10^n."""
+    """Return a factor that makes small displacements visible: 1, 2 or 5 times a power of 10.
+
+    Args:
+        largest: largest displacement.
+        size: size of the body.
+    """
     if largest <= 0 or largest >= _SMALL * size:
         return 1.0
     most = _SHOWN * size / largest
@@ -115,7 +128,7 @@ def _scale(largest: float, size: float) -> float:
 def _face(
     arrays: Arrays, surface: Any, states: Sequence[Any], number: int, name: str
 ) -> dict[str, Any]:
-    """Add a contact face with its tables at all states and return its description."""
+    """Add a contact face, with its contact tables in all states, and return its description."""
     facets = surface.contact[name]
     key = f"face.{number}"
     x = states[0].tables[name]["x"]
@@ -177,9 +190,9 @@ def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
 
 
 def _distances(x: Array, facets: Cells) -> Array:
-    """Return the arc lengths at both ends of f edges of a 2D surface, shape (f, 2).
+    """Return the arc lengths at both ends of the f edges of a 2D surface, shape (f, 2).
 
-    Connected parts follow one after the other.
+    The arc length continues from one connected part of the surface to the next.
     """
     distances = np.zeros(facets.shape)
     begin = 0.0
@@ -197,7 +210,12 @@ def _distances(x: Array, facets: Cells) -> Array:
 
 
 def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[str, Any]:
-    """Add the contact tables of a surface at all states, in groups; describe the groups."""
+    """Add the contact tables of a surface in all states to a page.
+
+    Returns:
+        Description for the page: groups of states whose tables are stored together, ranges of the
+        columns, and the largest traction and force.
+    """
     first = states[0].tables[name]
     columns: dict[str, npt.NDArray[Any]] = {}
     for column in first:
@@ -240,13 +258,20 @@ def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[
 def _add_obstacle(
     arrays: Arrays, surface: Any, states: Sequence[Any], face: dict[str, Any], allowed: float
 ) -> tuple[float, float]:
-    """Add the obstacle of a contact surface.
+    """Add the obstacle of a contact surface to a page.
 
     The page stores the vectors from points of the undeformed face to the vertices of the obstacle.
-    They are magnified like displacements, so that a closed gap stays closed. At the first state
+    They are magnified like displacements, so that a closed gap stays closed. In the first state
     they are stored exactly; later changes are compressed. An obstacle given by the points opposite
-    to the face has one vertex per vertex of the face; a `RigidSurface` has vertices of its own, and
+    to the face has one vertex per vertex of the face. A `RigidSurface` has vertices of its own, and
     their vectors start at the closest points of the face.
+
+    Args:
+        arrays: arrays of the page.
+        surface: outer surface before the deformation.
+        states: states of that surface.
+        face: description of the contact face, to which the obstacle is added.
+        allowed: largest admissible error of a vertex position.
 
     Returns:
         Largest error of a vertex position; and largest displacement of a vertex since the first
