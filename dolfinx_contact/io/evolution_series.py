@@ -97,7 +97,7 @@ class EvolutionSeries(Observer):
         return self
 
     def begin(self, task: Any, state: RunState) -> None:
-        """Write the start of the first run. Collective."""
+        """Write the start of an evolution, in its first run only. Collective."""
         from dolfinx_contact.evolution.history import History, PathHistory
 
         if self._count:
@@ -110,14 +110,22 @@ class EvolutionSeries(Observer):
         self._write(history.first, start.time, start.state)
 
     def step(self, step: EvolutionStep, state: RunState | None = None) -> None:
-        """Write a step. Collective."""
+        """Write an accepted step. Collective."""
         self._write(step.row(), step.time, step.state)
 
     def __call__(self, step: EvolutionStep) -> None:
         self.step(step)
 
     def _write(self, row: dict[str, Any], time: float, state: State | None) -> None:
-        """Write a row of the table and, if the step is due, the fields. Collective."""
+        """Write a row of the table and, if the step is due, the fields. Collective.
+
+        The fields are written every ``every`` steps (`EvolutionSeries`).
+
+        Args:
+            row: row of the table.
+            time: time of the state.
+            state: state whose fields are written; None for the present values of the Functions.
+        """
         if self._count is None:
             raise ValueError(
                 "an EvolutionSeries writes only in its context: with EvolutionSeries(...) as "

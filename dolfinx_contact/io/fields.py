@@ -62,10 +62,10 @@ def write_fields(
     - ``body.bp``: displacement of the bodies.
     - ``body_stress.bp``: stresses, with the displacement of the vertices.
     - ``contact.bp``, or ``contact_NAME.bp`` if a surface has another name: fields of a contact
-      surface, on the slave of a pair.
-    - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
+      surface; for a pair of bodies, on the slave surface.
+    - ``paraview.py``: a script that shows these files, ``paraview --script=FOLDER/paraview.py``.
 
-    With ``format="vtk"`` the files are ``body.pvd``, ..., with a ``.vtu`` of each rank.
+    With ``format="vtk"`` the files are ``body.pvd``, ..., with one ``.vtu`` file per rank.
 
     Args:
         folder: output folder, created if necessary. Files of an earlier state with the same names,
@@ -97,14 +97,15 @@ def write_fields(
 
 
 class StateFields:
-    """Functions for files: fields of the bodies and of all contact surfaces. Collective.
+    """Functions to be written: fields of the bodies and of all contact surfaces. Collective.
 
     Args:
         problem: contact problem.
         stress: UFL stress, see `write_fields`.
 
     Raises:
-        ValueError: on every rank, if the stress is not valid, or two surfaces have the same file.
+        ValueError: on every rank, if the stress is not valid, or two surfaces would be written to
+            the same file.
     """
 
     def __init__(self, problem: ContactProblem, stress: Any = None):
@@ -120,10 +121,11 @@ class StateFields:
             self._surfaces[stem] = s
 
     def at(self, problem: ContactProblem) -> dict[str, list[fem.Function]]:
-        """Return the Functions of each file, for the state in the problem's Functions. Collective.
+        """Return the Functions of each file for the present state. Collective.
 
         Args:
-            problem: problem with the law of the step that led to the state (`ContactProblem.at`).
+            problem: problem whose Functions contain the state, with the law of the step that led to
+                it (`ContactProblem.at`).
         """
         u = problem.u
         own = u.copy()
@@ -199,7 +201,11 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
 
 
 def _refuse_other_displacement(stress: Any, u: fem.Function) -> None:
-    """Raise ``ValueError`` for a stress of another Function that looks like a displacement."""
+    """Raise ``ValueError`` if a stress depends on another displacement than ``u``.
+
+    Another displacement is a Function with the same element, in a stress that does not contain
+    ``u``.
+    """
     functions = extract_coefficients(stress)
     others = [f for f in functions if f.ufl_element() == u.ufl_element() and f is not u]
     if others and u not in functions:
@@ -212,10 +218,11 @@ def _refuse_other_displacement(stress: Any, u: fem.Function) -> None:
 def body_fields(
     u: fem.Function, stress: Any, tags: mesh.MeshTags | None = None
 ) -> list[fem.Function]:
-    """Return ``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
+    """Return stress and von Mises stress as discontinuous Functions of degree 1. Collective.
 
-    If the stress contains a UFL conditional that depends on the position and jumps between cells,
-    each cell gets the limits from its interior.
+    The Functions have the names ``stress`` and ``von_mises``. If the stress contains a UFL
+    conditional that depends on the position and jumps between cells, each cell gets the limits from
+    its interior.
 
     Args:
         u: displacement.

@@ -31,7 +31,7 @@ _STARTED = time.perf_counter()
 
 
 def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path:
-    """Return a path that is equal on all ranks. Collective.
+    """Return a path that is required to be the same on all ranks. Collective.
 
     Args:
         comm: communicator.
@@ -71,7 +71,12 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
 
 
 def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:
-    """Write a file from rank 0. Collective.
+    """Write a text file from rank 0. Collective.
+
+    Args:
+        comm: communicator.
+        file: path of the file.
+        text: function that returns the content; called on rank 0.
 
     Raises:
         OSError: on every rank, if the file cannot be written; an earlier file remains.
@@ -88,7 +93,14 @@ def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:
 def write_summary(
     comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Write ``scalars``, ranks, versions and the time since import to ``folder/summary.json``.
+    """Write a dictionary of results to ``folder/summary.json``. Collective.
+
+    The number of ranks, versions of packages and the time since import are added.
+
+    Args:
+        comm: communicator.
+        folder: output folder.
+        scalars: results, by name.
 
     Returns:
         Content of the file, on every rank.

@@ -30,7 +30,7 @@ COLOURS = [0.79, 0.82, 0.86, 0.18, 0.43, 0.71, 0.91, 0.54, 0.17, 0.33, 0.33, 0.3
 
 
 def deformed(part: str) -> Any:
-    """Open one of the files, named by ``part``, and warp its mesh by the displacement."""
+    """Open the file with the key ``part`` in `FILES` and warp its mesh by the displacement."""
     path = os.path.join(FOLDER, FILES[part])
     if path.endswith(".bp"):
         reader = simple.MergeBlocks(Input=simple.ADIOS2VTXReader(FileName=path))
@@ -66,7 +66,7 @@ def show(warp: Any, view: Any, array: str) -> None:
 
 
 def main() -> None:
-    """Show the body and its contact surfaces."""
+    """Show the deformed body and its contact surfaces in three views."""
     left = simple.GetActiveViewOrCreate("RenderView")
     layout = simple.GetLayout(left)
     if "body_stress" in FILES:

@@ -3,7 +3,7 @@
 
 All data are gathered on rank 0. Vertices are in the order of their numbers in the input mesh, which
 does not depend on the number of ranks. Displacements of higher degree are evaluated at the vertices
-only, so that facets are linear.
+only, so that the facets of the outer surface are plane or straight.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class VertexMeans:
 
     Args:
         V: Lagrange space of degree 1, with one dof per vertex.
-        scalars: UFL scalars by cell tag; the key None means all cells.
+        scalars: field as UFL scalars by cell tag; the key None means all cells.
         tags: cell tags; default: none.
         **rule: metadata of the quadrature rule; default: quadrature degree 1.
     """
@@ -78,11 +78,11 @@ class VertexMeans:
 
 
 class Outside:
-    """Outer surface of the bodies of a problem, and its states. Collective.
+    """Outer surface of the bodies of a problem, and states on this surface. Collective.
 
-    A state contains the equivalent strain sqrt(2/3 e : e) at the vertices (`VertexMeans`), with the
-    deviator e of the Green-Lagrange strain. In 2D the strain is plane; for bodies of revolution it
-    includes the circumferential strain.
+    A state contains the displacement and the equivalent strain sqrt(2/3 e : e) at the vertices
+    (`VertexMeans`), with the deviator e of the Green-Lagrange strain. In 2D the strain is plane;
+    for bodies of revolution it includes the circumferential strain.
 
     Args:
         problem: contact problem with the displacement.
@@ -117,7 +117,7 @@ class Outside:
         return _gather_cells(self.problem.comm, self.V, chosen, {"u": u, **values}, self.numbers)
 
     def surface(self) -> OuterSurface | None:
-        """Return the outer surface on rank 0, None on other ranks. Collective."""
+        """Return the undeformed outer surface on rank 0, None on other ranks. Collective."""
         body = self.gather({})
         contact, opposite = self.faces(body)
         obstacles = {
@@ -129,10 +129,10 @@ class Outside:
         return OuterSurface(body["x"], body["nodes"], body["cells"], contact, opposite, cells)
 
     def state(self, law: ContactProblem) -> SurfaceState | None:
-        """Return the state in the Functions on rank 0, None on other ranks. Collective.
+        """Return the present state of the outer surface on rank 0, None elsewhere. Collective.
 
         Args:
-            law: problem under whose law the contact tables are evaluated.
+            law: problem in the same state, under whose contact law the tables are evaluated.
         """
         if self._strain is None:
             revolves = any(s.axisymmetric for s in law.surfaces)
@@ -147,13 +147,14 @@ class Outside:
         return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
 
     def faces(self, body: Arrays) -> tuple[dict[str, Cells], dict[str, Cells]]:
-        """Return the vertices of all contact facets on rank 0. Collective.
+        """Return the vertices of the facets of all contact surfaces on rank 0. Collective.
 
         Args:
             body: gathered body with these vertices, see `gather`.
 
         Returns:
-            Facets of each contact surface, and of the master of each pair, by name.
+            Facets of each contact surface, and of the master surface of each pair, by name of the
+            contact surface.
         """
         nodes = body.get("nodes", np.zeros(0, dtype=np.int64))
         surfaces = self.problem.surfaces
@@ -163,11 +164,11 @@ class Outside:
         return contact, opposite
 
     def _face(self, facets: Indices, nodes: Ints) -> Cells:
-        """Gather facets on rank 0, with vertices as positions in ``nodes``. Collective.
+        """Gather facets on rank 0, as positions of their vertices in ``nodes``. Collective.
 
         Args:
             facets: local facets of this rank; ghosts are left out.
-            nodes: increasing numbers of the gathered vertices in the input of the mesh.
+            nodes: numbers of the gathered vertices in the input mesh, in increasing order.
         """
         topology = self.V.mesh.topology
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
@@ -178,7 +179,7 @@ class Outside:
 
 
 def _columns(table: ContactTable) -> Arrays:
-    """Return the stored columns of a contact table."""
+    """Return the columns of a contact table that are stored in records, by name."""
     found: Arrays = {name: getattr(table, name) for name in _COLUMNS}
     of_law = {name: getattr(table, name) for name in _OF_LAWS}
     found |= {name: values for name, values in of_law.items() if values is not None}
@@ -233,7 +234,7 @@ def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
 
 
 def _assembled(form: fem.Form) -> Array:
-    """Assemble a linear form; return its values at all local nodes. Collective."""
+    """Assemble a linear form and return the vector at all local nodes. Collective."""
     b = fem.assemble_vector(form)
     b.scatter_reverse(la.InsertMode.add)
     b.scatter_forward()
@@ -241,7 +242,11 @@ def _assembled(form: fem.Form) -> Array:
 
 
 def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
-    """Return sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain."""
+    """Return the equivalent strain sqrt(2/3 e : e) as a UFL scalar.
+
+    e is the deviator of the Green-Lagrange strain of the displacement ``u``. If the body is
+    axisymmetric (``revolves``), the circumferential strain is included.
+    """
     dim = len(u)
     H = ufl.grad(u)
     across = 1.0
@@ -259,7 +264,7 @@ def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
 
 
 def _outer_cells(V: fem.FunctionSpace) -> Indices:
-    """Return the local nodes of owned cells (2D) or of boundary facets (3D). Collective."""
+    """Return the local nodes of all owned cells in 2D, of boundary facets in 3D. Collective."""
     topology = V.mesh.topology
     if topology.dim == 2:
         return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])

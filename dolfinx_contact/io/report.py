@@ -33,7 +33,7 @@ class Report:
         self._speaks = comm.rank == 0
 
     def __call__(self, text: str) -> None:
-        """Write a line."""
+        """Print a line of text on rank 0."""
         if self._speaks:
             print(text, flush=True)
 

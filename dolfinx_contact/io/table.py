@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""CSV tables: contact points, and rows provided by a script."""
+"""CSV tables of contact points, and of rows provided by a script."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def write_contact_table(
     """Write ``folder/contact.csv`` with one row per contact point. Collective.
 
     The columns are listed in `ContactTable.columns`; columns missing for a surface are blank.
-    Forces, pressure and shear are contact forces; the last columns contain the reactions of
-    Dirichlet data at contact nodes.
+    Forces, pressure and shear are contact forces; the columns whose names begin with ``support_``
+    contain the reactions of Dirichlet data at contact nodes.
 
     Raises:
         OSError: on every rank, if the file cannot be written; an earlier file remains.
@@ -85,7 +85,7 @@ class GrowingTable:
         self._names: list[str] = []
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Write the row of rank 0.
+        """Write a row from rank 0. Collective.
 
         Raises:
             OSError: on every rank, if the file cannot be written.

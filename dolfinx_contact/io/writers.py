@@ -52,7 +52,7 @@ _HAS_VTX = hasattr(io, "VTXWriter")
 
 
 def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
-    """Validate a file format and return it, or the default format. Collective.
+    """Validate a file format and return it; None selects the default format. Collective.
 
     Raises:
         ValueError: on every rank, if the format is unknown, differs between ranks, or is VTX and
@@ -73,12 +73,12 @@ class Writer:
 
     The first state opens the files with its Functions; the values of later states are copied to
     these Functions. At the end of the context, the new files replace earlier files of the same
-    names, whether VTX or VTK. After an error earlier files remain.
+    names, in either format. After an error earlier files remain.
 
     Args:
         comm: communicator.
         folder: output folder, created if necessary.
-        format: format of the files.
+        format: format of the files, "vtx", "vtk" or None for the default.
         prefix: common prefix of the file names of a series; all earlier files with this prefix are
             removed at the end.
 
@@ -111,11 +111,12 @@ class Writer:
         return self
 
     def write(self, time: float, fields: Fields) -> None:
-        """Write a state. Collective.
+        """Write a state to the files. Collective.
 
         Args:
             time: time of the state.
-            fields: Functions by name of the file; names and order must be the same for all states.
+            fields: Functions of each file, by name of the file without prefix and suffix; names and
+                order must be the same for all states.
         """
         self._first = self._first or fields
         self.files = [self.folder / self._name(stem) for stem in self._first]
@@ -144,7 +145,7 @@ class Writer:
                 shutil.rmtree(self._part, ignore_errors=True)
 
     def _name(self, stem: str) -> str:
-        """Return the name of a file."""
+        """Return the name of a file, with the prefix and the suffix of the format."""
         return self._prefix + stem + self._suffix
 
     def _close(self) -> None:
@@ -158,7 +159,7 @@ class Writer:
         self._writers = {}
 
     def _opened(self, stem: str, functions: Sequence[fem.Function]) -> io.VTXWriter | io.VTKFile:
-        """Open a file. Collective."""
+        """Open a file for Functions. Collective."""
         comm = functions[0].function_space.mesh.comm
         file = self._part / self._name(stem)
         if self._suffix == ".bp":
@@ -167,7 +168,7 @@ class Writer:
 
     @contextmanager
     def _errors(self, stem: str) -> Iterator[None]:
-        """Context manager: raise errors of a file as ``OSError`` with its path. Collective."""
+        """Context manager that raises errors of a file as ``OSError`` with its path. Collective."""
         path = self.folder / self._name(stem)
         try:
             with everywhere(self._comm, f"writing {path}"):
@@ -183,7 +184,10 @@ class Writer:
             raise
 
     def _on_root(self, do: Callable[[], None]) -> None:
-        """Call a function on rank 0; errors contain final paths, not hidden paths. Collective."""
+        """Call a function on rank 0 and raise its errors on every rank. Collective.
+
+        Paths in the messages are final paths, not those in the hidden folder.
+        """
 
         def done() -> None:
             try:
@@ -197,7 +201,7 @@ class Writer:
         on_root(self._comm, done)
 
     def _replace(self) -> None:
-        """Replace earlier files by the new files. On rank 0."""
+        """Replace earlier files by the new files. Called on rank 0."""
         if self._first:
             _write_script(self._part, self.folder, {stem: self._name(stem) for stem in self._first})
         new = sorted(self._part.iterdir(), key=lambda p: (not p.is_dir(), p.name))  # folders first
@@ -234,7 +238,7 @@ def _keep_alive(writer: io.VTXWriter) -> None:
 
 
 def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
-    """Write ``paraview.py``, which shows files in its folder. On rank 0.
+    """Write ``paraview.py``, which shows the files in its folder. Called on rank 0.
 
     An existing ``paraview.py`` that this package has not written is kept, with a warning.
 
@@ -242,7 +246,7 @@ def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
         part: temporary folder in which the script is written.
         folder: final folder, stored in the script because ParaView does not always pass the path of
             a script.
-        files: names of the files by part.
+        files: names of the files, by key such as "body" or "contact".
     """
     text = Path(__file__).with_name("in_paraview.py").read_text()
     head = "".join(text.splitlines(keepends=True)[:2]).encode()
@@ -257,7 +261,7 @@ def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
 
 
 def _require_complete(path: Path) -> None:
-    """Raise ``OSError`` if a VTK file is truncated, as DOLFINx does not report a full disk."""
+    """Raise ``OSError`` if a VTK file is truncated; DOLFINx does not report a full disk."""
     if path.suffix in (".pvd", ".pvtu", ".vtu"):
         with path.open("rb") as file:
             file.seek(max(path.stat().st_size - 32, 0))
@@ -266,7 +270,11 @@ def _require_complete(path: Path) -> None:
 
 
 def _require_replaceable(new: Path, old: Path) -> None:
-    """Raise ``OSError`` if a file would replace a folder, or a folder that ADIOS2 did not write."""
+    """Raise ``OSError`` if an existing path must not be replaced.
+
+    A folder is replaced only by a folder, and only if ADIOS2 has written it. A file is replaced
+    only by a file.
+    """
     number = 0
     if old.is_dir() and not new.is_dir():
         number = errno.EISDIR
@@ -279,12 +287,19 @@ def _require_replaceable(new: Path, old: Path) -> None:
 
 
 def _is_of_adios(folder: Path) -> bool:
-    """Return whether all files of a folder are files of ADIOS2."""
+    """Return whether a path is a folder that contains only files of ADIOS2."""
     return folder.is_dir() and all(_OF_ADIOS.fullmatch(p.name) for p in folder.iterdir())
 
 
 def _files_of(folder: Path, stem: str) -> set[Path]:
-    """Return the existing files with a name in both formats, including referenced VTK files."""
+    """Return the existing files of one name in both formats.
+
+    They include the VTK files to which the ``.pvd`` file refers.
+
+    Args:
+        folder: folder of the files.
+        stem: name of the files without suffix.
+    """
     bp = folder / f"{stem}.bp"
     found = {bp} if _is_of_adios(bp) else set()
     names = [f"{stem}.pvd"]
