@@ -17,6 +17,7 @@ direct solvers and multigrid, and along branches. Some laws support more:
 | `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     |
 | `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     |
 
+- *needs*: admissible parameters, explained in the docstring of each law.
 - *pivoting*: a linear body with nodal or mixed contact is condensed onto its contact points, and
   branches are followed from vertex to vertex. The inner law of a compliant surface must be
   frictionless or Coulomb's law.
@@ -25,7 +26,7 @@ direct solvers and multigrid, and along branches. Some laws support more:
 - *points*: `ContactProblem.reduced` and the classical algorithms.
 
 Unless the table requires a number, parameters may be Constants, Functions or UFL expressions of
-these. The parameter of a branch may occur in them; the branch is then followed in steps. A
+these. They may contain the parameter of a branch; the branch is then followed in steps. A
 user-defined law supports pivoting in 2D if, for each status, the required traction is linear in
 jump and traction and all borders pass through zero. A user-defined bond, with or without memory, is
 an `Interface`: an energy and a dissipation potential. In histories `Regularised` requires a

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Adhesion with damage, friction and unilateral contact: the RCCM law.
 
-Raous, Cangemi and Cocou (CMAME 177, 1999, section 3): the springs of a bond with the intensity beta
-(1 if intact, 0 if broken) resist the total opening [u_n] >= 0 and the total tangential jump [u_t].
-Friction increases as bonds break:
+In the law of Raous, Cangemi and Cocou (CMAME 177, 1999, section 3), the springs of a bond with the
+intensity beta (1 if intact, 0 if broken) resist the total opening [u_n] >= 0 and the total
+tangential jump [u_t]. Friction increases as bonds break:
 
     t_adh = -beta^2 (-C_N [u_n] n + C_T [u_t]),       |t_t - t_adh,t| <= mu (1 - beta) p,
     b beta' = -(w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
 
-with Signorini's conditions on the pressure p, which does not include adhesion. Broken bonds do not
-heal. Time integration has first or second order (`DamageStep`); for b = 0 it is exact as long as
-the jumps grow. The status records whether a bond is being damaged (`status.DAMAGING`).
+with Signorini's conditions on the pressure p, which does not include adhesion. Here t_adh is the
+adhesive part of the traction on the body, t_t the shear, n the normal into the obstacle, C_N and
+C_T the stiffnesses of the springs, mu the friction coefficient, b the viscosity, w the work of
+decohesion, and x^- = max(-x, 0). Broken bonds do not heal. Time integration has first or second
+order (`DamageStep`); for b = 0 it is exact as long as the jumps grow. The status records whether a
+bond is being damaged (`status.DAMAGING`).
 
 *Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
 and 0 <= beta <= 1. Growth is restricted to points that were closed at the start of the step,
@@ -21,12 +24,13 @@ broken bond is the current jump until it grows again, so that it heals as a new 
 of either sign, as in the energy of the model, so they also resist penetration. The friction bound
 is mu (1 - beta) times the contact pressure.
 
-The law is not implemented as an `Interface`. For the first-order law on a rigid surface, a class of
-18 lines gives equal statuses, tractions and Newton counts (`tests/physics/test_interfaces.py`), but
-evaluation takes 2.7 times as long (20,000 points in 3D). Second order, recovery and the pressure of
-a compliant surface cannot be expressed by an energy and a dissipation of one step. The closed
-formula is also smooth beyond the borders of its statuses, as required by solves with fixed
-statuses, whereas equations solved point by point have no solution there.
+The law is not implemented as an `Interface`. For the first-order law on a rigid surface, a subclass
+of `Interface` with 18 lines gives equal statuses, tractions and Newton counts
+(`tests/physics/test_interfaces.py`), but evaluation takes 2.7 times as long (20,000 points in 3D).
+Second order, recovery and the pressure of a compliant surface cannot be expressed by an energy and
+a dissipation of one step. The closed formula is also smooth beyond the borders of its statuses, as
+required by solves with fixed statuses, whereas equations solved point by point have no solution
+there.
 """
 
 from __future__ import annotations
@@ -201,10 +205,10 @@ class RCCM(Law):
         return dict(sorted(found.items()))
 
     def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
-        """Return the law of contact and friction for the shear that the bond does not carry.
+        """Return the law of contact and friction without the springs of the bond, by status.
 
         The spring force due to the tangential increment of the step would act like additional
-        augmentation and is omitted.
+        augmentation and is omitted. ``beta`` is the bond intensity.
         """
         along = _along(a.before - self._origin(a), a.n)
         if self.recovers:
@@ -213,7 +217,7 @@ class RCCM(Law):
         return self._friction(beta).pieces(replace(a, shear=shear))
 
     def _friction(self, beta: Any) -> Coulomb:
-        """Return the friction law of a bond of intensity ``beta``."""
+        """Return Coulomb's law for a bond of intensity ``beta``, whose friction is reduced."""
         return Coulomb(self.friction * (1.0 - beta))
 
     def _to_unchanged_bond(self, code: int, distance: Any, cap: Any) -> list[Border]:
@@ -227,21 +231,28 @@ class RCCM(Law):
         return [Border(distance, code, grips), Border(distance, PLUS, ufl.Not(grips))]
 
     def _energy(self, opening: Any, moved: Any) -> Any:
-        """Return E = C_N [u_n]^2 + C_T |[u_t]|^2, twice the spring energy of an intact bond."""
+        """Return twice the spring energy of an intact bond, per area.
+
+        It is E = C_N [u_n]^2 + C_T |[u_t]|^2 with the stiffnesses C_N and C_T, the opening [u_n]
+        and the tangential jump [u_t].
+        """
         return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
     def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the contact point with the compliant-surface pressure, without bond springs."""
+        """Return the contact point with the pressure of the compliant surface.
+
+        The springs of the bond are not included. On a rigid surface the point is unchanged.
+        """
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """Return the time step of the bond intensity from the data in memory."""
+        """Return the time step of the bond intensity, for the memory at the last accepted state."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:
@@ -254,7 +265,10 @@ class RCCM(Law):
 
     @property
     def _is_new(self) -> Any:
-        """Whether a recovering bond was broken before the step; its reference is then the jump."""
+        """UFL condition that a recovering bond was broken before the step.
+
+        Its springs are then relaxed at the current tangential jump.
+        """
         return ufl.lt(self.beta, self.broken)
 
     def _origin(self, a: ContactPoint) -> Any:
@@ -268,7 +282,7 @@ class RCCM(Law):
         return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
 
     def _moved(self, a: ContactPoint) -> Any:
-        """Return the tangential jump that stretches the springs."""
+        """Return the part of the tangential jump that stretches the springs."""
         moved = a.u_t + _along(a.before - self._origin(a), a.n)
         return ufl.conditional(self._is_new, 0.0, 1.0) * moved if self.recovers else moved
 
@@ -342,7 +356,11 @@ class DamageStep:
             self.cap = cap if recovers is None else ufl.conditional(recovers, 1.0, cap)
 
     def slack(self, energy: Any) -> Any:
-        """Return (w - E c - b (c - s)/tau)/w, which is nonnegative if beta equals the cap."""
+        """Return the slack of the damage condition, which is nonnegative if the bond keeps the cap.
+
+        It is (w - E c - b (c - s)/tau)/w with the spring energy E = ``energy``; `DamageStep`
+        explains the other symbols.
+        """
         free = 1.0 - self.cap * energy / self._work
         if self.cap is self._start:
             return free
@@ -352,7 +370,11 @@ class DamageStep:
         return free - ufl.conditional(acts, self._viscosity * pace / self._work, 0.0)
 
     def intensity(self, energy: Any) -> Any:
-        """Return the intensity below the cap, the solution of b (s - beta)/tau = E beta - w."""
+        """Return the intensity at the end of the step if it is below the cap.
+
+        It solves b (s - beta)/tau = E beta - w for the spring energy E = ``energy``; `DamageStep`
+        explains the other symbols.
+        """
         w = self._work
         b = ufl.conditional(ufl.gt(self._viscosity, 0.0), self._viscosity, 1.0)
         slow = (b * self._start + self._time * w) / (b + self._time * energy)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evaluated laws: tractions and borders at contact points for every status, derivatives."""
+"""Evaluated laws: required tractions, derivatives and borders at contact points, by status."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class PointData:
     """Data of a law at n points, other than jump and traction.
 
     Attributes:
-        n: normals, shape (n, dim).
+        n: unit normals, shape (n, dim).
         gap: initial gaps, shape (n,).
         r: augmentation parameters, shape (n,).
         fields: values of the fields of the law by name, shape (n,) each.
         turn: derivatives of the normals with respect to the displacement of the points, shape (n,
             dim, dim); None if normals do not depend on it.
-        moved: derivatives of the jump with respect to the displacement, shape (n, dim, dim), if
-            normals turn; None if the jump equals the displacement.
+        moved: derivatives of the jump with respect to the displacement, shape (n, dim, dim); None
+            if the jump equals the displacement. It is used if normals depend on the displacement.
     """
 
     n: Array
@@ -47,12 +47,12 @@ class PointData:
 
 @dataclass(frozen=True)
 class Borders:
-    """Borders of the statuses of n points.
+    """Borders of the present statuses of n points, in terms of jump and traction.
 
     Attributes:
-        distance: distances to the borders, tractions, positive inside, shape (n, borders); infinite
-            without a border.
-        target: statuses beyond the borders, shape (n, borders).
+        distance: distances of the points to the borders, in units of traction, positive inside the
+            status, shape (n, borders); infinite without a border.
+        target: status codes beyond the borders, shape (n, borders).
     """
 
     distance: Array
@@ -67,8 +67,8 @@ class Spreading:
         average: function that maps values at the n points of this rank to averages, shape (n,).
             Collective.
         around: averaged pressures, shape (n,).
-        by_jump, by_traction: derivatives of the pressure at each point with respect to its jump and
-            its traction, shape (n, dim) each.
+        by_jump, by_traction: derivatives of the pressure of each point, before averaging, with
+            respect to its jump and its traction, shape (n, dim) each.
     """
 
     average: Callable[[Array], Array]
@@ -78,18 +78,17 @@ class Spreading:
 
 
 class Answers:
-    """Answers of a law: the tractions tau(j, t) that it requires, for every status.
+    """Tractions tau(j, t) that a law requires at n points, for every status.
 
-    A state with jumps j and tractions t at n points satisfies the law if t = tau(j, t)
-    (`laws.law`).
+    A state with the jumps j and the tractions t satisfies the law if t = tau(j, t) (`laws.law`).
 
     Args:
         law: compiled law that is evaluated.
         values: values of its compiled expressions.
         spreading: averaging of a nonlocal law; default: None (local law).
-        turning: function mapping statuses to the derivatives of the traction with respect to the
-            displacement, shape (n, dim, dim), including changes of jumps and normals; default: None
-            (fixed normals).
+        turning: function mapping statuses to the derivatives of the required traction with respect
+            to the displacement, shape (n, dim, dim), including changes of jumps and normals;
+            default: None (fixed normals).
 
     Attributes:
         spreading: averaging; None for a local law.
@@ -115,7 +114,7 @@ class Answers:
     def _table(self) -> tuple[Array, Codes, Mask]:
         """Borders of every status: distances, target statuses, and mask of existing statuses.
 
-        The shapes are (n, statuses, borders), (statuses, borders) and (n, statuses) for n points.
+        For n points, the shapes are (n, statuses, borders), (statuses, borders) and (n, statuses).
         Distances are infinite where a status has fewer borders.
         """
         law = self._law
@@ -134,20 +133,24 @@ class Answers:
 
     @cached_property
     def required(self) -> Codes:
-        """Admissible status of each point, or nearest status if none is admissible, shape (n,)."""
+        """Admissible status of each of n points, or nearest one if none is, shape (n,)."""
         return self._nearest[0]
 
     @property
     def missed(self) -> Array:
-        """Distance of each point to its nearest admissible status, a traction, shape (n,).
+        """Distance of each of n points to its nearest admissible status, shape (n,).
 
-        The distance is 0 if the status of the point is admissible.
+        It has the unit of a traction, and is 0 at points with an admissible status.
         """
         return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property
     def _nearest(self) -> tuple[Codes, Array]:
-        """Status of each point, and distance to the nearest border of this status."""
+        """Admissible or nearest status of each of n points, and distance to a border of the status.
+
+        Both have the shape (n,). The distance is that to the nearest border, positive inside the
+        status.
+        """
         distance, _, exists = self._table
         least = distance.min(axis=2, initial=np.inf)
         # A status with a distance of NaN counts as absent.
@@ -160,24 +163,27 @@ class Answers:
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def borders(self, codes: Codes) -> Borders:
-        """Return the distance of each point to the borders of its status in ``codes``."""
+        """Return the borders of the given status of each point, with the distances to them."""
         rows = self._law.rows[codes]
         distance, target, _ = self._table
         return Borders(distance[np.arange(len(codes)), rows], target[rows])
 
     def may_be(self, code: int) -> Mask:
-        """Return the mask of the points at which a status exists, shape (n,)."""
+        """Return the mask of the points at which the status ``code`` exists, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
         return self._table[2][:, self._law.rows[code]]
 
     def holds(self, codes: Codes) -> Mask:
-        """Return the mask of the points within the borders of their statuses, shape (n,)."""
+        """Return the mask of the points at which the given status is admissible, shape (n,)."""
         can = self._table[2][np.arange(len(codes)), self._law.rows[codes]]
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Return distances to all borders of a status, existing or not, shape (n, borders)."""
+        """Return the distances of the points to all borders of a status, shape (n, borders).
+
+        Borders whose condition is not satisfied are included.
+        """
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     @property
@@ -189,21 +195,24 @@ class Answers:
         return self._table[2]
 
     def traction(self, codes: Codes) -> Array:
-        """Return the traction tau required by the law, shape (n, dim)."""
+        """Return the traction that the law requires for given statuses, shape (n, dim)."""
         return self._of(codes, "answer", (self._law.dim,))
 
     def by_jump(self, codes: Codes) -> Array:
-        """Return the derivatives D_j of tau with respect to the jump, shape (n, dim, dim).
+        """Return the derivatives of the required traction with respect to the jump.
 
-        If normals turn, these are derivatives with respect to the displacement, including the
-        changes of jump and normal.
+        The shape is (n, dim, dim) for n points. If normals depend on the displacement, these are
+        derivatives with respect to the displacement, including the changes of jump and normal.
         """
         if self._turning is not None:
             return self._turning(codes)
         return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
 
     def by_traction(self, codes: Codes) -> Array:
-        """Return the derivatives D_t of tau with respect to the traction, shape (n, dim, dim)."""
+        """Return the derivatives of the required traction with respect to the given traction.
+
+        The shape is (n, dim, dim) for n points.
+        """
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
@@ -220,7 +229,7 @@ class Answers:
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """Return an attribute of `Bond` at each point; the first axis has length n.
+        """Return an attribute of `Bond` at each of the n points; the first axis has length n.
 
         Args:
             name: name of the attribute, such as ``"traction"``, or ``"after.NAME"`` for the new
@@ -245,10 +254,10 @@ class Answers:
 
 
 class FrozenBonds(Answers):
-    """Answers of a law whose bonds are frozen, so that no bond is being damaged.
+    """Tractions that a law requires if its bonds are frozen, so that no bond is being damaged.
 
     Args:
-        answers: answers of the law.
+        answers: evaluated law.
     """
 
     def __init__(self, answers: Answers):
@@ -263,16 +272,19 @@ class FrozenBonds(Answers):
 
 
 class LawAtPoints:
-    """Law at the contact points of this rank. Only construction is collective.
+    """Contact law that can be evaluated at the contact points of this rank.
+
+    Only construction is collective.
 
     Args:
         law: law; its field values are passed with the data of the points.
         dim: dimension, 2 or 3.
         number: number of points.
-        comm: communicator of the ranks compiling together.
+        comm: communicator of the ranks that compile the law together.
 
     Attributes:
-        codes: status codes; if several statuses are admissible, the first one is used.
+        codes: status codes of the law; if several statuses are admissible at a point, the first one
+            applies.
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
@@ -285,7 +297,15 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate the law at jumps and tractions, shape (n, dim); ``codes`` fixes the statuses."""
+        """Evaluate the law at n points.
+
+        Args:
+            jump: jumps, shape (n, dim).
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+            codes: statuses that determine the closed points in the averages of a nonlocal law;
+                default: required statuses. Ignored by a local law.
+        """
         turn, moved = data.turn, data.moved
         found = self._evaluate(self.compiled.values, jump, traction, data)
         if turn is None or moved is None:
@@ -304,11 +324,14 @@ class LawAtPoints:
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
 
     def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
-        """Return the derivatives of the border distances of a status, shape (n, borders, 2 dim).
+        """Return the derivatives of the distances to the borders of a status.
+
+        The shape is (n, borders, 2 dim) for n points. Derivatives with respect to the jump come
+        first, followed by those with respect to the traction.
 
         Args:
             code: status code.
-            jump: jumps, shape (n, dim); derivatives with respect to the jump come first.
+            jump: jumps, shape (n, dim).
             traction: tractions, shape (n, dim).
             data: data of the points.
         """
@@ -326,15 +349,15 @@ class LawAtPoints:
         codes: Codes,
         moved: Array | None = None,
     ) -> Array:
-        """Return the rate of the answers tau due to rates of the data, shape (n, dim).
+        """Return the rate of the required tractions due to rates of the data, shape (n, dim).
 
-        The tractions are constant.
+        The tractions themselves are constant.
 
         Args:
             jump: jumps, shape (n, dim).
             traction: tractions, shape (n, dim).
-            data: data of the points.
-            rates: rates of normals, gaps and fields; the rate of r is ignored.
+            data: data of the n points.
+            rates: rates of normals, gaps and fields; the rate of the augmentation is ignored.
             codes: status codes, shape (n,).
             moved: rates of the jumps, shape (n, dim); default: None (constant jumps).
         """
@@ -357,19 +380,19 @@ class LawAtPoints:
         normal: Array,
         moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Differentiate the answers tau with respect to k parameters and to each field.
+        """Differentiate the required tractions with respect to k parameters and to each field.
 
         Args:
             jump: jumps, shape (n, dim).
             traction: tractions, shape (n, dim).
-            data: data of the points.
+            data: data of the n points.
             codes: status codes, shape (n,).
             normal: derivatives of the normals with respect to the parameters, shape (n, dim, k).
             moved: derivatives of the jumps with respect to the parameters, shape (n, dim, k).
 
         Returns:
-            Derivatives with respect to the parameters, shape (n, dim, k), and to each field, by
-            name, shape (n, dim).
+            Derivatives with respect to the parameters, shape (n, dim, k); and a dictionary of the
+            derivatives with respect to each field, shape (n, dim).
         """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)

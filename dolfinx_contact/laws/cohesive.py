@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Predefined interfaces (`interface`): bilinear cohesive bond and Maxwell layer."""
+"""Predefined interface laws (`interface`): bilinear cohesive bond and Maxwell layer."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class BilinearCohesive(Interface):
         return k * self._reached(start) * self._reached(end) * lost / 2.0
 
     def _reached(self, state: InterfaceState) -> Any:
-        """Return K, the jump at which the traction starts to decrease."""
+        """Return the jump at which the traction starts to decrease, for the present damage."""
         a = self.elastic
         b = self.softening
         return a * (a + b) / (a + b - state["damage"] * b)

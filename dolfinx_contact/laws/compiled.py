@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact laws compiled from UFL: values and derivatives at contact points.
 
-A compiled law depends only on the kind of the law and on the dimension, not on the discretisation
-(`_forms`).
+A compiled law depends only on the kind of the law and on the dimension, not on the discretisation.
+Its UFL expressions are evaluated by `_forms.PointValues`.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ _NOT_UFL = "ufunc", "__float__", "cannot be evaluated as bool"
 
 
 def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Describe each border of a status: distance column, condition column, target status.
+    """Add the expressions of the borders of a status to ``flat`` and describe each border.
 
-    The condition column is None for a border that always exists.
+    The description consists of the column of the distance, the column of the condition and the
+    target status. The column of the condition is None for a border that always exists.
     """
     found = []
     for border in piece.borders:
@@ -54,7 +55,7 @@ def _number(condition: Any) -> Any:
 
 
 class _Written:
-    """UFL expressions of a law at a point.
+    """UFL expressions of a law at a contact point.
 
     Args:
         law: law of any kind.
@@ -62,10 +63,11 @@ class _Written:
 
     Attributes:
         equations: equations of the law, by name.
-        pieces: smooth pieces of the law, by status.
-        bounds: radius of the friction disc at the pressure of the law, and at unit pressure.
-        bond: parts of `Law.bond` by name; empty if the law has no bond.
-        pressure: pressure averaged by a nonlocal law; None for a local law.
+        pieces: required traction and borders, by status.
+        bounds: radius of the friction disc at the present pressure and at unit pressure; None for a
+            law without a disc.
+        bond: attributes of `Law.bond` by name; empty if the law has no bond.
+        pressure: pressure to be averaged by a nonlocal law; None for a local law.
     """
 
     def __init__(self, law: Law, symbols: Symbols):
@@ -106,7 +108,7 @@ class _Written:
 
 @contextmanager
 def _ufl_alone(law: Law) -> Iterator[None]:
-    """Explain errors that occur if a law applies numpy, math or Python functions to UFL."""
+    """Context manager that explains errors of numpy, math or Python functions applied to UFL."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -143,20 +145,21 @@ class CompiledLaw:
     Args:
         law: law of this kind; its fields are replaced by symbols.
         dim: dimension, 2 or 3.
-        comm: communicator of the ranks compiling together.
+        comm: communicator of the ranks that compile the law together.
 
     Attributes:
-        names: names of all fields: fields of the law, used data in memory, and `AROUND` for a
-            nonlocal law.
+        names: names of all fields: fields of the law, data of the last accepted state that the law
+            uses, and `AROUND` for a nonlocal law.
         codes: status codes of the law.
-        rows: index of each status code in `codes`.
-        places: columns of a quantity in the array of compiled values, by name of the quantity and
-            status.
+        rows: position of each status code in `codes`.
+        places: for each quantity, by name, its columns in the array of compiled values: one list
+            per status, or a single list for a quantity that does not depend on the status.
         borders: for each status and border, column of the distance, column of the condition (None
             for no condition), and target status.
-        exists: column of the existence condition of each status; None for unconditional ones.
-        remembers: whether the law uses data in memory that are not fields of the law.
-        kept: internal variables among the data in memory.
+        exists: for each status, column of the condition under which it exists; None without a
+            condition.
+        remembers: whether the law uses data of the last accepted state that are not its fields.
+        kept: names of the internal variables that the law uses and that are not its fields.
         bonded: whether the law has a bond (`Law.bond`).
         knows_slip: whether the law depends on the slip distance.
     """
@@ -214,9 +217,12 @@ class CompiledLaw:
         return PointValues(flat.components, self._symbols.w, self._comm)
 
     def needs_time(self, step: float) -> bool:
-        """Return whether the law depends on the duration of a step with the sign of ``step``.
+        """Return whether the law depends on the duration of a step.
 
-        Conditions on the duration are resolved first (`known_step`).
+        Comparisons of the duration with numbers are evaluated first (`known_step`).
+
+        Args:
+            step: number with the sign of the duration; negative for a static problem.
         """
         symbol = self._step
         if symbol is None:
@@ -234,10 +240,11 @@ class CompiledLaw:
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
-        """Whether answers and borders of each status are affine in jump, traction and gap.
+        """Whether, for each status, required traction and borders are affine.
 
-        The decision is symbolic, because values or derivatives at sample states would not prove it.
-        The existence conditions of statuses must not depend on these quantities.
+        They must be affine in jump, traction and gap, and the existence conditions of statuses must
+        not depend on these quantities. The decision is symbolic, because values or derivatives at
+        sample states would not prove it.
         """
         if self._roots is not None:
             return False
@@ -301,7 +308,7 @@ class CompiledLaw:
 
         Args:
             values: compiled scalars of the law.
-            columns: data of the points, one column per component.
+            columns: data of the points, one row per point and one column per scalar component.
         """
         return values(columns if self._roots is None else self._roots(columns))
 
@@ -310,7 +317,7 @@ _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 
 def compiled_law(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
-    """Return the compiled law, cached for all laws of the same kind. Collective."""
+    """Return the compiled form of a law; laws of the same kind share it. Collective."""
     kind = law.kind
     if kind is None:
         return CompiledLaw(law, dim, comm)

@@ -51,7 +51,10 @@ _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """Law that wraps another law, `friction`; its first option is part of its name."""
+    """Law that wraps another friction law, the field ``friction``.
+
+    The name of the law contains the value of its first option.
+    """
 
     friction: FrictionLaw
     bound_kind = None
@@ -141,8 +144,9 @@ class NormalCompliance(_AroundFriction):
 class Regularised(_AroundFriction):
     """Regularised friction: the shear b phi(x) increases with the scaled slip x.
 
-    The scaled slip is x = |u_t|/eps in a static problem and |du_t|/(eps dt) in a history. A point
-    with x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
+    The scaled slip is x = |u_t|/eps in a static problem, with the tangential displacement u_t. In a
+    history it is |du_t|/(eps dt), with its increment du_t in a step of duration dt. A point with
+    x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
     requires ``speed``, and a history that begins with a static solve requires both.
 
     Attributes:
@@ -191,7 +195,7 @@ class Regularised(_AroundFriction):
         return (*scales, *super().needs_time)
 
     def _eps(self, a: ContactPoint) -> Any:
-        """Return the slip at x = 1."""
+        """Return the slip of the step at which the scaled slip is 1."""
         if self.speed is None:
             return self.width
         timed = ufl.gt(a.step, 0.0)

@@ -25,7 +25,7 @@ _STATUSES = 4
 
 
 def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
-    """Return whether a law is linear within each status at the points of this rank."""
+    """Return whether the statuses of a law are polyhedral cones at the points of this rank."""
     local = law.law.averaging is None
     if not local or max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
         return False
@@ -44,20 +44,24 @@ def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
 def cones(
     law: LawAtPoints, data: PointData, frames: Array, scale: Array
 ) -> tuple[Array, Array, Mask]:
-    """Return the cones {B z : C B z >= 0} of the statuses of n points.
+    """Return the cones of the statuses of n points, as bases B and inequalities C.
+
+    The cone of a status is {B z : C B z >= 0} in the space of w = (ut, un, rt, rn): tangential and
+    normal displacement, and tangential and normal force.
 
     Args:
         law: polyhedral law at the points.
-        data: data of the points without gaps, which are in w.
-        frames: matrices T with j = T (ut, un) and t = scale T (rt, rn), shape (n, 2, 2).
+        data: data of the points without gaps, which are included in w.
+        frames: matrices T with j = T (ut, un) and t = scale T (rt, rn) for the jump j and the
+            traction t, shape (n, 2, 2).
         scale: factors from forces in w, which are lengths, to tractions, shape (n,).
 
     Returns:
         Bases B, shape (n, 4, 4, 2); inequalities C padded by zero rows, shape (n, 4, 3, 4); and a
         mask of the existing statuses, shape (n, 4). Bases are oriented consistently with the
-        equations of the law: for any linear equations M w = p of a body, and up to a sign common to
-        all statuses, det (M B) has the sign of the determinant of M w = p together with t - tau(j,
-        t) = 0.
+        equations t = tau(j, t) of the law, tau being the required traction: for any linear
+        equations M w = p of a body, and up to a sign common to all statuses, det (M B) has the sign
+        of the determinant of M w = p together with t - tau(j, t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))
@@ -86,9 +90,14 @@ def cones(
 
 
 def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
-    """Return bases of the planes ``rows`` w = 0, and the indices of the two coordinates z.
+    """Return bases of the planes ``rows`` w = 0, and the indices of their two coordinates.
 
-    The bases have the shape (n, 4, 2); the components of z are two of the four coordinates of w.
+    For n points the bases have the shape (n, 4, 2). Their coordinates are two of the four
+    components of w, the same for all points.
+
+    Args:
+        rows: coefficients of the two equations, shape (n, 2, 4).
+        used: mask of the points whose planes are used, shape (n,).
     """
     best = -1.0
     chosen = (0, 1)
@@ -111,9 +120,12 @@ def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
 
 
 def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
-    """Return the border inequalities without redundant ones, shape (n, 3, 4).
+    """Return the border inequalities of n points without redundant ones, shape (n, 3, 4).
 
-    Only the coefficients of the coordinates ``free`` are nonzero.
+    Args:
+        slopes: derivatives of the border distances with respect to the two coordinates of a plane.
+        free: indices of these coordinates; the other coefficients are zero.
+        there: mask of the existing borders.
     """
     n, borders, _ = slopes.shape
     size = np.abs(slopes).max(axis=2, initial=0.0)
@@ -127,7 +139,7 @@ def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
 
 
 def _needed(rows: Array) -> Array:
-    """Return those inequalities ``rows`` z >= 0 that are not implied by two others."""
+    """Return the rows of the inequalities ``rows`` z >= 0 that are not implied by two others."""
     kept = list(range(len(rows)))
     for i in range(len(rows)):
         others = [k for k in kept if k != i]

@@ -6,16 +6,16 @@ rn) on the body. The laws are
 
     0 <= un, 0 <= rn, un rn = 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
-F is Coulomb's coefficient and g a prescribed bound (Tresca). With an augmentation parameter k,
-force per length, they are equivalent to r = P(r - k a), where P projects onto rn >= 0 and then onto
-the disc of radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` contains the same laws
-in UFL, for any coefficient and status by status. The checker of proofs (`proofs.check_proof`) is
-self-contained and repeats them.
+F is Coulomb's coefficient and g a prescribed bound (Tresca); the last equation applies to slip.
+With an augmentation parameter k, force per length, they are equivalent to r = P(r - k a), where P
+projects onto rn >= 0 and then onto the disc of radius F rn + g (Alart and Curnier, CMAME 92, 1991).
+`friction` contains the same laws in UFL, for any coefficient and status by status. The checker of
+proofs (`proofs.check_proof`) is self-contained and repeats them.
 
 In 2D with g = 0 the statuses are cones of w = (ut, un, rt, rn) that depend on F: w = (B_0 + F B_1)
-z with (C_0 + F C_1) w >= 0, where z has two components. On the *border* between two statuses one
-unknown remains: between open and slip only ut is nonzero; between stick and slip rt is determined
-by rn.
+z with (C_0 + F C_1) w >= 0, where z has two components, and the matrices B_0, B_1, C_0 and C_1 of a
+status are constant. On the *border* between two statuses one unknown remains: between open and slip
+only ut is nonzero; between stick and slip rt is determined by rn.
 """
 
 from __future__ import annotations
@@ -46,24 +46,38 @@ _TINY = 1e-300
 
 
 def radius(rn: Array, friction: Array, bound: Array) -> Array:
-    """Return the radii F rn + g of the friction discs, shape (m,); g where rn is negative."""
+    """Return the radii F rn + g of the friction discs of m points, shape (m,).
+
+    F is the friction coefficient, rn the normal force and g the prescribed bound; a negative rn
+    counts as 0.
+    """
     return np.asarray(friction * np.maximum(rn, 0.0) + bound)
 
 
 def project(s: Array, radius: Array) -> Array:
-    """Project vectors, shape (m, d), onto discs (intervals if d = 1) of radii, shape (m,)."""
+    """Project m vectors, shape (m, d), onto discs (intervals if d = 1) with given radii."""
     size = np.linalg.norm(s, axis=1)
     return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Project forces onto rn >= 0 and then onto the friction disc; shape (m, dim)."""
+    """Project forces onto the forces that the contact law allows, shape (m, dim).
+
+    The normal force, the last component, becomes nonnegative; the tangential force is then
+    projected onto the friction disc.
+    """
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 
 
 def derivative(s: Array, friction: Array, bound: Array) -> Array:
-    """Return a generalised derivative of `allowed` at s, shape (m, dim, dim)."""
+    """Return a generalised derivative of the projection `allowed`, shape (m, dim, dim).
+
+    Args:
+        s: augmented forces of the m points, at which it is evaluated, shape (m, dim).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
+    """
     m, d = s.shape
     D = np.zeros((m, d, d))
     pushes = s[:, -1] > 0
@@ -81,12 +95,24 @@ def derivative(s: Array, friction: Array, bound: Array) -> Array:
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of closed points, shape (m,), for s = r - k a, shape (m, dim)."""
+    """Return the mask of closed points, shape (m,).
+
+    Args:
+        s: augmented forces r - k a of m points, with forces r, displacements a and a factor k > 0,
+            shape (m, dim).
+    """
     return np.asarray(s[:, -1] >= 0)
 
 
 def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of sticking points, shape (m,), for s = r - k a, shape (m, dim)."""
+    """Return the mask of sticking points, shape (m,).
+
+    Args:
+        s: augmented forces r - k a of m points, with forces r, displacements a and a factor k > 0,
+            shape (m, dim).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
+    """
     pressure = s[:, -1]
     grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
     size = np.linalg.norm(s[:, :-1], axis=1)
@@ -94,7 +120,14 @@ def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
 
 
 def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
-    """Return status codes (`laws.status`), shape (m,), for s = r - k a, shape (m, dim)."""
+    """Return the status codes (`laws.status`) of m points, shape (m,).
+
+    Args:
+        s: augmented forces r - k a of the points, with forces r, displacements a and a factor
+            k > 0, shape (m, dim).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
+    """
     back = (s[:, 0] > 0) & (s.shape[1] == 2)
     codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
     rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
@@ -102,7 +135,16 @@ def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
 
 
 def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """Return the largest violation of the laws at m points in 2D, scaled to a unit load."""
+    """Return the largest violation of the laws at m points in 2D, scaled to a unit load.
+
+    Args:
+        ut: tangential displacements, shape (m,).
+        un: normal displacements, shape (m,).
+        rt: tangential forces, shape (m,).
+        rn: normal forces, shape (m,).
+        friction: friction coefficients, shape (m,).
+        bound: prescribed friction bounds, shape (m,).
+    """
     size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
     most = friction * rn + bound
     parts = [

@@ -2,8 +2,9 @@
 r"""Unilateral contact with friction, defined by a friction bound.
 
 A friction law is defined by the radius b of its friction disc (interval in 2D) as a function of the
-contact pressure. For the augmented pressure p and shear s the traction is -max(p, 0) n plus the
-projection of s onto the disc of radius b. The module writes this law status by status.
+contact pressure. With the normal n into the obstacle, the augmented pressure p and the augmented
+shear s, the traction is -max(p, 0) n plus the projection of s onto the disc of radius b. The module
+writes this law status by status.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class FrictionLaw(Law):
     bound_kind: BoundKind | None = "other"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        """Return the radius of the friction disc, a UFL traction, at the pressure ``p``.
+        """Return the radius of the friction disc at the pressure ``p`` as a UFL scalar.
 
         Args:
             a: contact point; the radius may depend on its slip distance ``a.slid``.
@@ -66,18 +67,19 @@ class FrictionLaw(Law):
         return self.grips(a)
 
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """Return the shear of closed points for each status, and the borders of the status."""
+        """Return the shear traction and the borders of closed points, by status code."""
         in_ = _in_plane if a.dim == 2 else _in_space
         return in_(a, partial(self.disc, a), self.grips(a), self.holds(a))
 
     def disc(self, a: ContactPoint, slid: Any) -> Any:
-        """Return the UFL friction-disc radius if the step adds the slip distance ``slid``."""
+        """Return the UFL friction-disc radius after a step with the slip distance ``slid``."""
         return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        """Return the statuses that an open point may have after closing, with UFL conditions.
+        """Return the statuses that an open point may have after closing.
 
-        The condition None means that the status is always possible.
+        The values of the dictionary are UFL conditions; None means that the status is always
+        possible.
         """
         if a.dim == 3:
             return {PLUS: None}
@@ -112,10 +114,11 @@ class FrictionLaw(Law):
 
 
 class _Slip:
-    """Law of slip in which a negative slip distance counts as zero, up to round-off.
+    """Friction disc and border of slip, where a negative slip distance counts as 0.
 
     Thus stick and slip have one common border for every jump and traction, and friction always
-    opposes the slip. The radius is extended smoothly to slightly negative slip distances.
+    opposes the slip. The radius is extended smoothly to slip distances that are negative by
+    round-off.
     """
 
     def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
@@ -126,12 +129,26 @@ class _Slip:
         self._knows = radius(slid) != radius(2.0 * slid)
 
     def border(self, excess: Any) -> Any:
-        """Return the distance to the border of slip, given the excess of shear over the radius."""
+        """Return the distance from slip to its border with stick.
+
+        Args:
+            excess: augmented shear minus radius of the friction disc.
+        """
         return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
 
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return the shear pieces by status in 2D; slip with u_t > 0 has s.t < 0."""
+    """Return the shear traction and the borders of closed points in 2D, by status code.
+
+    The tangential displacement u_t and the augmented shear s have opposite directions in slip; with
+    the unit tangent t, slip with u_t.t > 0 has s.t < 0.
+
+    Args:
+        a: contact point.
+        radius: radius of the friction disc as a function of the slip distance of the step.
+        grips: UFL condition under which friction acts.
+        holds: UFL condition under which the point can stick.
+    """
     s = ufl.dot(a.s, a.t)
     u = ufl.dot(a.u_t, a.t)
     right = _Slip(a, radius, u)
@@ -146,7 +163,10 @@ def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 
 def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return the shear pieces by status in 3D."""
+    """Return the shear traction and the borders of closed points in 3D, by status code.
+
+    The arguments are those of `_in_plane`.
+    """
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
@@ -174,9 +194,11 @@ class Frictionless(FrictionLaw):
 class Coulomb(FrictionLaw):
     """Coulomb friction: the shear is at most F times the pressure.
 
-    A contact surface converts numbers of its law to Constants: after ``surface =
-    ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5`` changes the
-    coefficient between two solves.
+    Here lambda_t and lambda_n are the tangential and the normal traction.
+
+    A contact surface converts numbers of its law to Constants: after
+    ``surface = ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5``
+    changes the coefficient between two solves.
 
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
@@ -201,8 +223,9 @@ class Coulomb(FrictionLaw):
 class Tresca(FrictionLaw):
     """Tresca friction: the shear is at most a prescribed bound g, on the whole surface.
 
-    As in the mathematical literature, friction also acts on open parts of the surface. To avoid
-    friction there, multiply the bound by a field that vanishes there.
+    Here lambda_t is the tangential traction. As in the mathematical literature, friction also acts
+    on open parts of the surface. To avoid friction there, multiply the bound by a field that
+    vanishes there.
 
     Attributes:
         threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.

@@ -5,23 +5,25 @@ The framework of generalised standard materials (Halphen and Nguyen, J. Mec. 14,
 to interfaces by Del Piero and Raous (Eur. J. Mech. A/Solids 29, 2010). The state consists of the
 jump, split into opening [u_n] >= 0 and tangential jump [u_t], and of internal variables a. The
 surface energy is Psi([u_n], [u_t], a). The dissipation potential Phi(|[u_t]'|, a'; state, chi) is
-convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
+convex in the rates, with the minimum 0 at zero rates. The forces on the body have a normal
+component R_n and a tangential part R_t, whose irreversible (frictional) part is R_t^ir. The laws of
+state and evolution are
 
     R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
-    R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
+    R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da'.
 
-for the forces R on the body. chi denotes the normal data on which the dissipation may depend:
-pressure p and opening. Phi describes isotropic friction: it depends on the slip speed
-|[u_t]'| >= 0, and its derivative at zero speed is the friction bound.
+chi denotes the normal data on which the dissipation may depend: pressure p and opening. Phi
+describes isotropic friction: it depends on the slip speed |[u_t]'| >= 0, and its derivative at zero
+speed is the friction bound.
 
-A time step uses the implicit Euler method,
+A time step of duration dt from the internal variables a_n uses the implicit Euler method,
 
     dPsi/da(a) + dPhi/da'((a - a_n)/dt) = 0,
 
 which is solved point by point (`roots`). A monotone variable remains constant while its driving
-force is below the threshold dPhi/da'(0); otherwise it changes until it reaches its final value.
-These cases are part of the status (`status.DAMAGING`, `status.BROKEN`). In a static problem all
-rates are zero, and only the rate-independent part of the dissipation remains.
+force -dPsi/da is below the threshold dPhi/da'(0); otherwise it changes until it reaches its final
+value. These cases are part of the status (`status.DAMAGING`, `status.BROKEN`). In a static problem
+all rates are zero, and only the rate-independent part of the dissipation remains.
 """
 
 from __future__ import annotations
@@ -49,11 +51,12 @@ class Interface(Potentials):
     """Contact law defined by an energy and a dissipation potential (abstract).
 
     A subclass is a frozen dataclass with the parameters as fields (`Law`). Fields listed in
-    `internal` contain initial values at the start and the values at the last accepted state later.
-    With ``needs_pressure = False`` friction also acts at open points. If the dissipation is not
-    1-homogeneous in the rates, results depend on time, and ``needs_time`` must list the fields,
-    such as viscosities, that vanish in the rate-independent case. In a static problem all rates are
-    zero: friction is evaluated at zero speed, without viscous resistance.
+    `internal` are internal variables: they contain initial values at the start, and later the
+    values at the last accepted state. With ``needs_pressure = False`` friction also acts at open
+    points. If the dissipation is not 1-homogeneous in the rates, results depend on time, and
+    ``needs_time`` must list the fields, such as viscosities, that vanish in the rate-independent
+    case. In a static problem all rates are zero: friction is evaluated at zero speed, without
+    viscous resistance.
 
     Example:
         A bond with linear softening in the opening, without healing::
@@ -77,9 +80,10 @@ class Interface(Potentials):
     """
 
     def broken(self, state: InterfaceState) -> Any:
-        """Return the UFL condition for a broken interface.
+        """Return the UFL condition under which the interface counts as broken.
 
-        By default, it is broken if its monotone variable has reached the final value.
+        By default, its monotone variable has reached the final value; None if there is no such
+        value.
         """
         x = self.weakening
         if x is None or x.end is None:
@@ -165,7 +169,14 @@ class Interface(Potentials):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return the interface at an open or closed point, for a given state of the bond."""
+        """Return the energy and dissipation of an open or closed point, for a state of its bond.
+
+        Args:
+            a: contact point.
+            is_open: whether the point is open.
+            family: state of the bond: `OPEN` (unchanged), `DAMAGING` or `BROKEN`.
+            level: see `InterfacePoint`.
+        """
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
@@ -194,7 +205,7 @@ class Interface(Potentials):
         }
 
     def _now(self, a: ContactPoint) -> InterfacePoint:
-        """Return the energy and dissipation at the current state."""
+        """Return the interface at the current state, with its energy and dissipation."""
         is_open = ufl.lt(a.u_n, 0.0)
         known = [self._values(a, side) for side in (True, False)]
         values = {x.name: _chosen(is_open, *(k[x.name] for k in known)) for x in self.internal}
@@ -229,7 +240,7 @@ class Interface(Potentials):
         return ufl.gt(x.sense * (x.end - getattr(self, x.name)), 0.0)
 
     def _slack(self, side: InterfacePoint) -> Any:
-        """Return the threshold minus the driving force of the monotone variable."""
+        """Return the slack of the monotone variable: its threshold minus its driving force."""
         x = self.weakening
         assert x is not None
         return x.sense * side.driven(x.name)
@@ -237,7 +248,13 @@ class Interface(Potentials):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders to statuses in which the bond has a different state."""
+        """Return the borders of a status to statuses with a different state of the bond.
+
+        Args:
+            sides: interface at the point for each state of the bond.
+            family: state of the bond in the status: `OPEN` (unchanged), `DAMAGING` or `BROKEN`.
+            code: status code without the state of the bond.
+        """
         x = self.weakening
         if x is None:
             return []
@@ -254,7 +271,7 @@ class Interface(Potentials):
 
 
 def _chosen(condition: Any, yes: Any, no: Any) -> Any:
-    """Return `ufl.conditional` for scalars or vectors."""
+    """Return a UFL conditional of two scalars or, component by component, of two vectors."""
     if not yes.ufl_shape:
         return ufl.conditional(condition, yes, no)
     pairs = zip(_scalars(yes), _scalars(no), strict=True)
@@ -266,7 +283,7 @@ def _scalars(e: Any) -> list[Any]:
 
 
 def _both(one: Any, other: Any) -> Any:
-    """Return the conjunction of two conditions, where None is always true."""
+    """Return the UFL conjunction of two conditions, where None denotes a true condition."""
     if one is None or other is None:
         return other if one is None else one
     return ufl.And(one, other)
@@ -275,9 +292,16 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, code: int, family: int, distance: Any, where: Any
 ) -> Iterator[Border]:
-    """Yield the borders at which the state of the bond changes, but not contact and friction.
+    """Yield the borders to statuses that differ only in the state of the bond.
 
-    If friction is zero, the target status is slip.
+    If there is no friction beyond the border, the target status is slip.
+
+    Args:
+        side: interface at the point beyond the border.
+        code: status code without the state of the bond.
+        family: state of the bond beyond the border.
+        distance: distance to the border.
+        where: condition under which the border exists, or None.
     """
     grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips(side.soft)
     yield Border(distance, code + family, _both(where, grips))

@@ -44,7 +44,7 @@ class InterfaceState:
 
     @property
     def jump(self) -> Any:
-        """Jump [u] of the displacement, body minus obstacle, a vector."""
+        """Jump vector [u]: displacement of the body minus displacement of the obstacle."""
         return self.moved - self.opening * self.n
 
     def __getitem__(self, name: str) -> Any:
@@ -78,7 +78,7 @@ class Potentials(Law):
     """Law defined by a surface energy and a dissipation potential (abstract)."""
 
     def energy(self, state: InterfaceState) -> Any:
-        """Return the surface energy Psi, UFL energy per area."""
+        """Return the surface energy per area Psi of a state, in UFL."""
         return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
@@ -89,16 +89,17 @@ class Potentials(Law):
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the energy dissipated by the variables between two states, UFL energy per area.
+        """Return the energy dissipated by the internal variables a between two states, per area.
 
-        If the result is None, dPhi/da' is integrated between the two values of the variables by the
-        four-point Gauss rule. This is inaccurate if dPhi/da' grows by a large factor within a step.
+        It is a UFL expression. If it is None, the derivative dPhi/da' of the dissipation potential
+        is integrated between the two values of the variables by the four-point Gauss rule. This is
+        inaccurate if dPhi/da' grows by a large factor within a step.
         """
         return None
 
 
 class InterfacePoint(FrictionLaw):
-    """Interface at a point, for given values of its variables.
+    """Interface at a point, for given values of its internal variables.
 
     Contact and friction are evaluated at the contact point `soft`, from which the traction of the
     surface energy has been subtracted.
@@ -107,12 +108,12 @@ class InterfacePoint(FrictionLaw):
         law: law with its fields at the point.
         a: contact point with jump, traction and data, in UFL.
         opening: opening [u_n].
-        values: values of the variables.
-        start: values of the variables at the last accepted state.
-        unknown: names of the variables to be solved for.
+        values: values of the internal variables, by name.
+        start: their values at the last accepted state, by name.
+        unknown: internal variables to be solved for.
         is_open: whether the point is open; None if not yet determined.
-        level: index that distinguishes the differentiation variables of nested points, larger by
-            one than the level of the points in ``values``.
+        level: index that distinguishes the differentiation variables of nested points. It is larger
+            by one than the level of the points from which ``values`` were computed.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class InterfacePoint(FrictionLaw):
         self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
 
     def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
-        """Return the expressions as UFL variables, with respect to which one can differentiate."""
+        """Return the expressions as UFL variables, by which one can differentiate."""
         first += _FIRST + _PER_LEVEL * self._level
         return [variable(e, first + i) for i, e in enumerate(expressions)]
 
@@ -156,12 +157,15 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _pull(self) -> Any:
-        """Derivative dPsi/d[u_n] of the surface energy, a normal traction."""
+        """Normal traction: derivative of the surface energy with respect to the opening."""
         return _slope(self.energy, self._opening)
 
     @cached_property
     def _along(self) -> Any:
-        """Derivative dPsi/d[u_t] of the surface energy, a tangential traction."""
+        """Derivative of the surface energy with respect to the tangential jump.
+
+        It is a tangential traction.
+        """
         g = _slope(self.energy, self._moved)
         n = self._a.n
         return g - ufl.dot(g, n) * n
@@ -190,7 +194,7 @@ class InterfacePoint(FrictionLaw):
 
     @property
     def speed(self) -> Any:
-        """Slip speed |[u_t]'|."""
+        """Slip speed, the norm of the rate of the tangential jump."""
         square = ufl.dot(self._a.u_t, self._a.u_t)
         return ufl.conditional(ufl.gt(square, 0.0), ufl.sqrt(square), 0.0) * self._pace
 
@@ -204,11 +208,15 @@ class InterfacePoint(FrictionLaw):
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Return Phi and the rates in it, by name, as variables of differentiation.
+        """Return the dissipation potential Phi, and the rates on which it depends, by name.
 
-        The slip speed has the name "".
+        The rates are variables of differentiation; the slip speed has the name "".
 
-        The internal variables are evaluated after the fraction ``share`` of the step.
+        Args:
+            pressure: contact pressure.
+            speed: slip speed.
+            share: fraction of the step after which the internal variables are evaluated; by default
+                1.
         """
         inner = self.values
         if share < 1.0:
@@ -226,16 +234,19 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """Resistances dPhi/da' to changes of the internal variables a, by name of the variable."""
+        """Resistances dPhi/da' to changes of the internal variables a, by name of the variable.
+
+        Phi is the dissipation potential.
+        """
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
 
     @property
     def spent(self) -> Any:
-        """Energy per area dissipated by the variables in the step.
+        """Energy per area dissipated by the internal variables a in the step.
 
-        The integral of dPhi/da'(a) . da between the two values is computed by the Gauss rule unless
-        the law defines `cost`.
+        The integral of dPhi/da'(a) . da between their two values, with the dissipation potential
+        Phi, is computed by the Gauss rule unless the law defines `cost`.
         """
         known = self._law.cost(replace(self.state, internal=self.start), self.state)
         if known is not None:
@@ -254,26 +265,33 @@ class InterfacePoint(FrictionLaw):
 
     @property
     def _own_speed(self) -> Any:
-        """Slip speed in the dissipation; 0 at an open point without friction."""
+        """Slip speed on which the dissipation depends; 0 at an open point without friction."""
         return ufl.as_ufl(0.0) if self._is_open and self.needs_pressure else self.speed
 
     def driven(self, name: str) -> Any:
-        """Return dPsi/da + dPhi/da' of a variable, which is zero while the variable changes."""
+        """Return the residual dPsi/da + dPhi/da' of the internal variable a with this name.
+
+        Psi is the surface energy and Phi the dissipation potential. The residual is zero while the
+        variable changes.
+        """
         return _slope(self.energy, self.values[name]) + self._slopes[name]
 
     def determines(self, name: str) -> bool:
-        """Return whether the equation `driven` of a variable depends on any of the unknowns."""
+        """Return whether the residual `driven` of a variable depends on any of the unknowns."""
         force = self.driven(name)
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
     def resistance(self, pressure: Any, speed: Any) -> Any:
-        """Return dPhi/d|[u_t]'|, the radius of the friction disc, a traction."""
+        """Return the derivative of the dissipation potential with respect to the slip speed.
+
+        It is the radius of the friction disc, a traction.
+        """
         phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
         return _slope(phi, rates[""])
 
     @property
     def knows_speed(self) -> bool:
-        """Whether Phi is not 1-homogeneous in the rates."""
+        """Whether the dissipation potential is not 1-homogeneous in the rates."""
         phi, rates = self._potential(self.pressure, self.speed)
         pairs = ((v, w) for v in rates.values() for w in rates.values())
         return any(depends_on(_slope(phi, v), w) for v, w in pairs)
@@ -282,10 +300,11 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def soft(self) -> ContactPoint:
-        """Contact point without the traction of the surface energy, for Signorini and friction.
+        """Contact point to which Signorini's conditions and friction apply.
 
-        The stiffness of the surface energy is added to the augmentation, so that for any stiffness
-        pressure and shear decrease when the body moves away.
+        The traction of the surface energy is subtracted. The stiffness of the surface energy is
+        added to the augmentation, so that for any stiffness pressure and shear decrease when the
+        body moves away.
         """
         a = self._a
         pull = self._pull
@@ -298,12 +317,12 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _viscous(self) -> bool:
-        """Whether the radius of the friction disc depends on the speed."""
+        """Whether the radius of the friction disc depends on the slip speed."""
         phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
         return depends_on(_slope(phi, rates[""]), rates[""])
 
     def _pressing(self, p: Any) -> Any:
-        """Return the pressure p, replaced by zero at an open point with friction."""
+        """Return the pressure ``p``, replaced by zero at an open point with friction."""
         return ufl.as_ufl(0.0) if self._is_open and not self.needs_pressure else p
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
@@ -319,7 +338,10 @@ class InterfacePoint(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """Replacement of |x|, which is not differentiable at 0, by x or -x if its sign is known."""
+    """UFL transformation replacing |x| by x or -x for variables x of known sign.
+
+    The modulus itself is not differentiable at 0.
+    """
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()

@@ -11,8 +11,9 @@ parameter r,
 
     u_n = j.n - g,   u_t = j - (j.n) n,   p = -(t.n - r u_n),   s = t - (t.n) n - r u_t
 
-are penetration, tangential displacement, augmented pressure and augmented shear. In terms of these,
-Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92, 1991, eq. 3.7).
+are the penetration u_n, the tangential displacement u_t, the augmented pressure p and the augmented
+shear s. In terms of these, Signorini's conditions and friction are projections (Alart and Curnier,
+CMAME 92, 1991, eq. 3.7).
 """
 
 from __future__ import annotations
@@ -65,11 +66,11 @@ constant_law = read_only(
 
 
 class Kernel(NamedTuple):
-    """Kernel for averaging the pressures of neighbouring points (`spreading`).
+    """Weights for averaging the pressures of neighbouring points (`spreading`).
 
     Attributes:
-        radius: radius of the kernel, a length.
-        normalised: whether a constant pressure is preserved.
+        radius: distance up to which points contribute to the average, in the unit of length.
+        normalised: whether a constant pressure is preserved at the ends of the surface.
     """
 
     radius: float
@@ -92,7 +93,8 @@ class ContactPoint:
         pressure: pressure of a compliant surface; None for unilateral contact.
         shear: shear of a compliant surface before slip, a vector; None for a surface that is rigid
             until it slips.
-        touches: distance to the border between open and closed, a traction; None if it equals p.
+        touches: distance to the border between open and closed, in units of traction; None if it
+            equals the pressure ``p``.
         around: averaged pressure of the neighbouring points (`Law.averaging`); None for a local
             law.
         before: jump at the last accepted state of an evolution, a vector. The tangential part of
@@ -138,7 +140,7 @@ class ContactPoint:
 
     @property
     def u_t(self) -> Any:
-        """Tangential displacement, a vector."""
+        """Vector of the tangential displacement."""
         return self.jump - ufl.dot(self.jump, self.n) * self.n
 
     @property
@@ -150,12 +152,12 @@ class ContactPoint:
 
     @property
     def touch(self) -> Any:
-        """Distance to the border between open and closed, a traction; positive in contact."""
+        """Distance to the border between open and closed, positive in contact, as a traction."""
         return self.p if self.touches is None else self.touches
 
     @property
     def s(self) -> Any:
-        """Augmented shear, or shear of a compliant surface, a vector."""
+        """Vector of the augmented shear, or of the shear of a compliant surface."""
         if self.shear is not None:
             return self.shear
         return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
@@ -163,7 +165,7 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class Internal:
-    """Internal variable of a law, stored in memory at each accepted state.
+    """Internal variable of a law, whose values at each accepted state are stored for the next step.
 
     Attributes:
         name: name of the variable; a scalar has the name of the field containing its initial
@@ -202,7 +204,10 @@ class Internal:
         return not (self.vector or self.hidden)
 
     def components(self, dim: int) -> list[str]:
-        """Return the component names in memory; names without a field start with a dot."""
+        """Return the names under which the components of the variable are stored.
+
+        Names of variables that are not fields of the law start with a dot.
+        """
         if self.vector:
             return [f".{self.name}_{i}" for i in range(dim)]
         return [self.name if self.is_field else f".{self.name}"]
@@ -212,7 +217,8 @@ class Bond(NamedTuple):
     """Bond of a law at a state, in UFL: adhesive traction, energies and new memory.
 
     Attributes:
-        after: values of the internal variables once the state is accepted, by name in memory.
+        after: values of the internal variables once the state is accepted, by the names of
+            `Internal.components`.
         traction: adhesive part of the traction on the body, a vector.
         stored: stored energy per area.
         spent: energy per area dissipated by damage since the last accepted state; negative if
@@ -247,10 +253,10 @@ class Equations(NamedTuple):
 
 
 class Border(NamedTuple):
-    """Border of a status.
+    """Border of a status: the limit beyond which another status applies.
 
     Attributes:
-        distance: UFL distance to the border, a traction, positive inside.
+        distance: UFL distance to the border, in units of traction, positive inside the status.
         target: status code beyond the border.
         where: UFL condition under which the border exists; default: None (always).
     """
@@ -262,10 +268,10 @@ class Border(NamedTuple):
 
 @dataclass(frozen=True)
 class StatusPiece:
-    """Smooth piece of a law for one status, also smooth beyond its borders.
+    """Law for one status: required traction and borders, also smooth beyond the borders.
 
     Attributes:
-        answer: UFL traction tau on the body.
+        answer: UFL traction on the body that the law requires.
         borders: borders of the status.
         exists: UFL condition under which the status is possible; default: None (always).
     """
@@ -283,7 +289,8 @@ class Law:
     are symbols for the values at a point. Dataclass fields that are not such parameters are named
     in `options` or are laws themselves. Laws of one class with the same options are compiled once,
     so that only fields may vary between points or between solves. Pressure and shear of a point are
-    *augmented* by r; at states that satisfy the law, the required traction must not depend on r.
+    *augmented*: they contain the displacements times the augmentation parameter r of the point. At
+    states that satisfy the law, the required traction must not depend on r.
 
     Raises:
         ValueError: if a field is not a scalar, or is a number that violates `signs`.
@@ -318,11 +325,12 @@ class Law:
             _check_scalar(v, f"{k} of {self.name}", self.sign(k))
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """Return the smooth pieces of the law, by status code (`laws.status`).
+        """Return the required traction and the borders for each status, by status code.
 
-        Status codes are OPEN, STICK, PLUS (slip; in 2D with u_t > 0) and, in 2D, MINUS. On a border
-        between several statuses, the first one applies. Every jump and traction should have a
-        status; otherwise the nearest status is used and counts as a violation.
+        Status codes (`laws.status`) are OPEN, STICK, PLUS (slip; in 2D with positive tangential
+        displacement) and, in 2D, MINUS. On a border between several statuses, the first one
+        applies. Every jump and traction should have a status; otherwise the nearest status is used
+        and counts as a violation.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method pieces(a)")
 
@@ -331,15 +339,21 @@ class Law:
         return None
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """Return the point with the pressure of the law; default: augmented pressure."""
+        """Return the contact point with the pressure of the law; default: augmented pressure."""
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """Return the bond with its new `internal` variables; default: None (no bond)."""
+        """Return the adhesive bond at a contact point; default: None (no bond).
+
+        It contains the new values of the variables in `internal`.
+        """
         return None
 
     def lacks(self, *, history: bool) -> str:
-        """Return a message on parameters that a history or static solve lacks; "" if none."""
+        """Return a message that names the parameters missing for a history or a static solve.
+
+        The message is empty if no parameter is missing.
+        """
         return ""
 
     @property
@@ -349,7 +363,7 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Return a cache key of compiled laws; None if the compiled law cannot be shared.
+        """Key under which the compiled law is cached; None if it cannot be shared.
 
         Laws that differ only in the values of `given` have the same key.
         """
@@ -364,16 +378,25 @@ class Law:
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
-        """Return nonlinear equations by key (any hashable); ``a.solved`` has their solutions."""
+        """Return the nonlinear equations on whose solutions the law depends, by any hashable key.
+
+        The solutions are available as ``a.solved``, by the same keys.
+        """
         return {}
 
     def memory(self, dim: int) -> list[str]:
-        """Return the names under which `internal` variables are stored, fields first."""
+        """Return the names under which the variables in `internal` are stored.
+
+        Variables that are fields of the law come first.
+        """
         ordered = sorted(self.internal, key=lambda x: not x.is_field)
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """Return a dictionary mapping names of variables in tables to their names in memory."""
+        """Return the stored name (`Internal.components`) of each variable, by its name in tables.
+
+        Hidden internal variables are not included.
+        """
         return {
             name.removeprefix("."): name
             for x in self.internal
@@ -388,12 +411,12 @@ class Law:
 
     @property
     def weakens(self) -> bool:
-        """Whether a variable weakens the bond and all internal variables are fields of the law."""
+        """Whether a variable weakens the bond, and all internal variables are fields of the law."""
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
     def _settings(self) -> dict[str, Any]:
-        """Values of all fields by name, without fields that have their default None."""
+        """Values of all fields by name, without optional fields that are None."""
         law: Any = self
         known = [(f, getattr(law, f.name)) for f in (fields(law) if is_dataclass(law) else ())]
         return {f.name: value for f, value in known if not (value is None and f.default is None)}
@@ -407,7 +430,7 @@ class Law:
     def given(self) -> dict[str, Scalar]:
         """Scalar fields of this law and of inner laws, by name, such as ``friction.threshold``.
 
-        Fields without a value whose default is None are omitted.
+        Optional fields that are None are omitted.
         """
         omitted = {*self.options, *self._laws}
         found = {name: v for name, v in self._settings.items() if name not in omitted}
@@ -416,13 +439,17 @@ class Law:
         return found
 
     def sign(self, name: str) -> Sign:
-        """Return the admissible sign of a field of `given`."""
+        """Return the admissible sign of the field of `given` with this name."""
         own, _, inner = name.partition(".")
         law = self._laws.get(own)
         return self.signs.get(name, "any") if law is None else law.sign(inner)
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return a copy of this law with different values of the fields in `given`."""
+        """Return a copy of this law with other values of its scalar fields.
+
+        Args:
+            symbols: new values by the names in `given`.
+        """
         changed: dict[str, Any] = {k: v for k, v in symbols.items() if "." not in k}
         for name, law in self._laws.items():
             start = f"{name}."
@@ -445,7 +472,7 @@ class Law:
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
-    """Return the mask of numbers with an admissible sign, up to the tolerance ``slack``."""
+    """Return a mask of the values that have an admissible sign, up to the tolerance ``slack``."""
     v = np.asarray(values)
     return {
         "any": np.ones(v.shape, dtype=bool),
@@ -456,7 +483,7 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
-    """Return the pieces of a law; raise ``ValueError`` if they are not a valid definition."""
+    """Return the result of `Law.pieces` if it is valid; otherwise raise ``ValueError``."""
     if not isinstance(pieces, Mapping) or not pieces:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
     codes = [c for c in range(BROKEN + DAMAGING) if c % DAMAGING <= MINUS + WHERE_OPEN]

@@ -28,13 +28,13 @@ _TO_THE_END = 0.9  # fraction of the distance to the end to which a step is shor
 
 
 class Roots:
-    """Solutions of the equations of a law, with the inverse of their Jacobian matrices.
+    """Solutions of the nonlinear equations of a law, and the inverses of the Jacobian matrices.
 
     Args:
         equations: equations of the law, by any keys.
         solved: symbols for the solutions, by the same keys.
         w: Function with the data of a point; the last components are for the solutions.
-        comm: communicator of the ranks compiling together.
+        comm: communicator of the ranks that compile the equations together.
     """
 
     def __init__(
@@ -48,7 +48,13 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """Append columns with solutions and inverse Jacobians to point data. Not collective."""
+        """Return the data of the points with the solutions and the inverse Jacobians appended.
+
+        Not collective.
+
+        Args:
+            columns: data of the points, one row per point.
+        """
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         with np.errstate(all="ignore"):  # a failed solution is NaN
@@ -58,10 +64,10 @@ class Roots:
 
 
 class _Root:
-    """Solver for F(z) = 0 at each point; the first unknown may be monotone.
+    """Solver for a system of equations F(z) = 0 at each point; the first unknown may be monotone.
 
     If a monotone unknown would leave the interval between its start and end, it is set to the
-    bound, and the remaining unknowns are computed.
+    nearer of the two, and the remaining unknowns are computed.
     """
 
     def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
@@ -108,14 +114,22 @@ class _Root:
         full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
 
     def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
-        """Return F, shape (m, n), and its Jacobian matrix, shape (m, n, n), at m points."""
+        """Return the residual F, shape (m, n), and its Jacobian matrix, shape (m, n, n).
+
+        Args:
+            full: data of the m points; the columns of the n unknowns are overwritten.
+            z: unknowns, shape (m, n).
+        """
         n = self._n
         full[:, self._first : self._first + n] = z
         found = self._system(full)
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _force(self, full: Array, z: Array) -> Array:
-        """Return the first residual at z; it is negative if a monotone first unknown changes."""
+        """Return the first residual at ``z`` times the direction of change of the first unknown.
+
+        It is negative as long as the first unknown, which is monotone, changes further.
+        """
         return self._sense * self._at(full, z)[0][:, 0]
 
     def _with_first_prescribed(self, full: Array, start: Array, value: Array) -> Array:
@@ -127,7 +141,14 @@ class _Root:
         return self._solved(full, z, start, first_prescribed=True)
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
-        """Return the solution with the first unknown restricted to [start, end]."""
+        """Return the solution whose first unknown lies between its initial and its final value.
+
+        Args:
+            full: data of the m points.
+            z: initial guess of the n unknowns, shape (m, n).
+            start: initial values, shape (m, n).
+            end: final value of the first unknown, shape (m,).
+        """
         begin = z.copy()
         if self._ends:
             begin[:, 0] = (start[:, 0] + end) / 2
@@ -146,7 +167,7 @@ class _Root:
         return found
 
     def _bisected(self, full: Array, start: Array, first: Array, end: Array) -> Array:
-        """Return the restricted solution by bisection, as a fallback; NaN if this fails too.
+        """Return the solution of `_between` by bisection; NaN where this fails too.
 
         Newton's method fails, for example, if the first unknown changes from 0 by less than the
         round-off of its equation. No correction is then small relative to the unknown.
@@ -179,9 +200,17 @@ class _Root:
     ) -> Array:
         """Solve by a damped Newton method; return NaN where it fails.
 
-        Steps are reduced until the next correction is smaller, the natural monotonicity test of
-        Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not depend
-        on units.
+        Steps are reduced until the next correction is smaller. This is the natural monotonicity
+        test of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not
+        depend on units.
+
+        Args:
+            full: data of the m points.
+            z: initial guess of the n unknowns, shape (m, n).
+            start: initial values of the step, shape (m, n).
+            first_prescribed: whether the first unknown is fixed.
+            end: final value of the first unknown, which limits the steps, shape (m,); None for no
+                limit.
         """
         z = z.copy()
         n = self._n
@@ -223,7 +252,10 @@ class _Root:
         return z
 
     def _system_at(self, full: Array, z: Array, first_prescribed: bool) -> tuple[Array, Array]:
-        """Return F and its Jacobian matrix, with the first equation replaced where it is fixed."""
+        """Return the residual and its Jacobian matrix at ``z``, for a free or fixed first unknown.
+
+        If the first unknown is fixed (``held``), its equation is replaced.
+        """
         F, J = self._at(full, z)
         if first_prescribed:
             F[:, 0] = 0.0
@@ -234,7 +266,14 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """Return factors of Newton steps that keep the first unknown between start and end."""
+    """Return factors that shorten Newton steps, so that the first unknown stays in its interval.
+
+    Args:
+        z: first unknown of each of m points, shape (m,).
+        step: Newton step of this unknown, shape (m,).
+        start: initial value of this unknown, shape (m,).
+        end: final value of this unknown, shape (m,).
+    """
     parts = [
         np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
     ]

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonlocal friction: the friction bound depends on the average pressure around a point.
 
-The shear is bounded by F times the pressure after convolution on the surface with a smooth kernel
-omega of radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, J. Appl. Mech. 50,
-1983, section 3; Demkowicz and Oden, Nonlinear Anal. 6, 1982),
+The shear t_t at a point x is bounded by the friction coefficient F times the pressure p after
+convolution on the surface with a smooth kernel omega of radius rho (Duvaut, C. R. Acad. Sci. Paris
+A 290, 1980; Oden and Pires, J. Appl. Mech. 50, 1983, section 3; Demkowicz and Oden, Nonlinear Anal.
+6, 1982),
 
     |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
 
 so that a constant pressure is preserved, also near the ends of the surface. In the mathematical
 literature, the convolution is divided by the integral of omega over the whole plane (line in 2D)
-and decreases near the ends. As in the literature, friction also acts on open points: it can hold
-an open point next to a closed point.
+and decreases near the ends. As in the literature, friction also acts on open points: it can hold an
+open point next to a closed point.
 """
 
 from __future__ import annotations
@@ -59,9 +60,11 @@ class NonlocalCoulomb(FrictionLaw):
 
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
-        radius: radius rho > 0 of the kernel, a length, a number.
-        normalised: whether a constant pressure is preserved at the ends of the surface; if False,
-            the plain convolution is used.
+        radius: distance rho > 0 up to which points contribute to the average, a number with the
+            unit of length.
+        normalised: whether the weights of the average are divided by their integral over the
+            surface, so that a constant pressure is preserved at the ends of the surface. If False,
+            they are divided by their integral over the whole plane (line in 2D).
 
     Raises:
         ValueError: if the radius is not a positive number, or ``normalised`` is not a bool.

@@ -47,12 +47,12 @@ _BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
 
 
 class _State(NamedTuple):
-    """Row of the table of statuses: one state of contact and friction, for all bond states.
+    """Row of the table of statuses: contact and friction, for all states of the bond.
 
     Attributes:
         code: status code of an unchanged bond.
-        dims: dimensions in which the state exists. Slip in 3D has no sign; its code is `PLUS`.
-        words: description of the state.
+        dims: dimensions in which the status exists. Slip in 3D has no sign; its code is `PLUS`.
+        words: description of contact and friction.
         looks: letter and colour for each state of the bond in `_BONDS`.
     """
 
@@ -80,7 +80,7 @@ _CLAMPED = "d"  # point with Dirichlet conditions
 
 
 class _Row(NamedTuple):
-    """Status: code, letter, colour, name, and the kind under which tables count it."""
+    """One status: code, letter, colour, name, and the kind under which tables count it."""
 
     code: int
     letter: str
@@ -90,7 +90,7 @@ class _Row(NamedTuple):
 
 
 def _rows(dim: int) -> list[_Row]:
-    """Return all statuses in 2D or 3D."""
+    """Return the statuses that exist in 2D or in 3D."""
     states = [state for state in _TABLE if dim in state.dims]
     found = []
     for place, (bond, behind) in enumerate(_BONDS.items()):
@@ -115,7 +115,7 @@ KINDS = {
 
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
-    """Return the letters by status code, with blanks for unused codes."""
+    """Return the status letters, indexed by status code, with blanks for unused codes."""
     found = np.full(1 + max([row.code for row in _ROWS[dim]]), " ")
     for row in _ROWS[dim]:
         found[row.code] = row.letter
@@ -123,7 +123,7 @@ def letters(dim: int) -> npt.NDArray[np.str_]:
 
 
 def word(codes: npt.ArrayLike, dim: int = 2) -> str:
-    """Return a string with one letter for each status code."""
+    """Return the letters of the given status codes as a string."""
     return "".join(letters(dim)[np.asarray(codes, dtype=np.int64)])
 
 
@@ -139,13 +139,13 @@ def summary(letters: str) -> str:
 
 
 def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:
-    """Return the mask of closed statuses."""
+    """Return the mask of the status codes at which a point is closed."""
     contact = codes % DAMAGING
     return np.asarray((contact > OPEN) & (contact <= WHERE_OPEN))
 
 
 def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
-    """Return the friction state of each point: `OPEN` for no friction, stick or slip.
+    """Return the friction state of each point: no friction (`OPEN`), stick, or slip and its sign.
 
     Open points under a prescribed friction bound also stick or slip.
     """

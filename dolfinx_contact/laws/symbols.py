@@ -42,12 +42,12 @@ _FIRST_SOLVED = 1000  # offset from the first label
 
 
 class Solved(NamedTuple):
-    """Symbols for the solution of the equations of a law.
+    """Symbols for the solution of a system of equations of a law.
 
     Attributes:
-        first: index of the column of the first unknown.
+        first: column of the first unknown in the data of a point.
         numbers: symbols of the scalar unknowns.
-        inverse: inverse of the Jacobian matrix, in row-major order.
+        inverse: symbols of the inverse of the Jacobian matrix, by row and column.
     """
 
     first: int
@@ -61,29 +61,33 @@ def before(dim: int) -> list[str]:
 
 
 def variable(e: Any, number: int) -> Any:
-    """Return ``e`` as a UFL variable for differentiation.
+    """Return ``e`` as a UFL variable for differentiation, with a fixed label.
 
-    The label of the variable is fixed, because labels counted by UFL would enter the signature of
-    the expression, so that every program would recompile it.
+    The label enters the signature of the expression. With labels counted by UFL, every program
+    would therefore compile the expression again.
+
+    Args:
+        e: UFL expression.
+        number: number that determines the label.
     """
     return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
 
 
 class Symbols:
-    """UFL symbols of a contact point: jump, traction, normal, gap, r and named fields.
+    """UFL symbols of a contact point: jump, traction, normal, gap, augmentation and named fields.
 
     Args:
         law: law; its field values are not used.
         dim: dimension, 2 or 3.
-        memory: names of the data in memory that are used, without fields of the law; default: None
-            (all).
+        memory: names of the data of the last accepted state that are used, without fields of the
+            law; default: None (all).
 
     Attributes:
-        names: names of all fields, in the order of their columns: fields of the law, data in
-            memory, and `AROUND` for a nonlocal law.
+        names: names of all fields, in the order of their columns: fields of the law, data of the
+            last accepted state, and `AROUND` for a nonlocal law.
         w: Function with the values of all data, one cell per point.
-        jump, traction, n: UFL vectors.
-        fields: UFL scalars, by name (`names`).
+        jump, traction, n: UFL vectors; n is the normal.
+        fields: UFL scalars, in the order of `names`.
         solved: for each system of equations, its unknowns and the inverse of its Jacobian matrix in
             row-major order; stored in the last columns.
     """
@@ -114,12 +118,12 @@ class Symbols:
 
     @property
     def of_the_law(self) -> dict[str, Any]:
-        """Symbols of the fields of the law, by name."""
+        """Symbols of the scalar fields of the law, by name."""
         return {name: self._known[name] for name in self._given}
 
     @property
     def point(self) -> ContactPoint:
-        """Contact point, made of symbols, that is passed to the methods of a law."""
+        """Contact point made of these symbols, which is passed to the methods of the law."""
         gap = self.w[3 * self._dim]
         r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
@@ -144,9 +148,9 @@ class Symbols:
     def exact(self, equations: Mapping[Hashable, Equations]) -> dict[Hashable, tuple[Any, ...]]:
         """Return the solutions of equations, differentiable with respect to all data.
 
-        The result is one Newton step with a constant inverse Jacobian G. At the root F = 0 the
-        expression x - G F(x, j) equals x, and its derivative with respect to j is -G dF/dj, as in
-        the implicit function theorem.
+        Each expression is one Newton step x - G F with a constant inverse Jacobian G, from the
+        solution x of F(x, j) = 0. It equals x, and its derivative with respect to the data j is -G
+        dF/dj, as in the implicit function theorem.
         """
         found = {}
         for name, of in self.solved.items():
@@ -158,9 +162,9 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Return the names of the data in memory that occur in expressions.
+        """Return the names of the data of the last accepted state that occur in expressions.
 
-        If a component of the jump occurs, all its components are listed.
+        If a component of the jump at the last accepted state occurs, all its components are listed.
         """
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
@@ -177,18 +181,18 @@ _COMPARED: dict[type, Callable[[float, float], bool]] = {
 
 
 def known_step(e: Any, symbol: Variable, step: float) -> Any:
-    """Evaluate all comparisons of the time step with numbers in a UFL expression.
+    """Evaluate all comparisons of the step duration with numbers in a UFL expression.
 
     Args:
         e: scalar UFL expression.
-        symbol: symbol for the time step.
-        step: 0, or any number with the sign of the steps for which comparisons are evaluated.
+        symbol: symbol for the duration of the step.
+        step: 0, or any number with the sign of the durations for which comparisons are evaluated.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 
 
 class _Decided(MultiFunction):  # type: ignore[misc]
-    """Replacement of conditionals by the branch that applies to the given step."""
+    """UFL transformation that replaces conditionals by the branch that applies to a given step."""
 
     def __init__(self, symbol: Variable, step: float):
         super().__init__()
@@ -209,7 +213,7 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         return yes if answer else no
 
     def _answer(self, c: Any) -> bool | None:
-        """Return the value of a condition; None if it depends on other data."""
+        """Return the value of a condition; None if the sign of the step does not determine it."""
         compare = _COMPARED.get(type(c))
         if compare is not None:
             left, right = (self._number(part) for part in c.ufl_operands)
