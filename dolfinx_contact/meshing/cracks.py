@@ -2,9 +2,9 @@
 """Cracks: nodes are duplicated along facets inside a body, whose sides may then separate.
 
 The cells around a node of the crack are connected through facets that do not belong to the crack.
-Each fan of connected cells gets its own copy of the node. There are two copies along a crack and
-where it reaches the surface, one at its front and at its ends inside the body, and three where an
-arm meets another crack.
+Each fan of connected cells gets its own copy of the node. There are two copies of a node along a
+crack and where it reaches the surface, one copy at the front of the crack and at its ends inside
+the body, and three copies where an arm meets another crack.
 """
 
 from __future__ import annotations
@@ -58,24 +58,25 @@ def crack(
 ) -> GmshMesh:
     """Return a mesh in which facets inside the body have two separate sides. Collective.
 
-    The facets of a group keep their tag on one side and get a new one on the other side. The new
+    The facets of a group keep their tag on one side and get a new tag on the other side. The new
     group is named after the first: ``"fault_opposite"`` after ``"fault"``, ``"5_opposite"`` after
     5. An interface inside a body thus becomes a contact pair with matching meshes::
 
         body = crack(body, ["fault"])
         fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
 
-    The first side has the smaller cell tag if these differ; otherwise its outward normal points
-    towards larger coordinates. The decision is made at the first facet of each connected piece, in
-    the order of coordinates (x, then y, then z). Where the crack ends inside the body, both sides
-    keep their common nodes. The mesh is rebuilt on rank 0, as when it is read.
+    The first side, which keeps the tag, is the side with the smaller cell tag if the cell tags
+    differ. Otherwise it is the side whose outward normal points towards larger coordinates. The
+    decision is made at the first facet of each connected part of the crack, in the order of
+    coordinates (x, then y, then z). Where the crack ends inside the body, both sides keep their
+    common nodes. The mesh is rebuilt on rank 0, as when it is read.
 
     Args:
         body: mesh, or mesh with physical groups.
         groups: names or tags of groups of facets. Each arm of crossing or branching cracks needs
             its own group and its own pair (`ContactPair` describes contact where they meet). If a
-            crack ends on another crack, it divides one side of the latter, which must be the slave
-            of the latter's pair.
+            crack ends on another crack, it divides one side of that other crack, and this side must
+            be the slave of its pair.
         facet_tags: facet tags of a mesh without groups.
         cell_tags: cell tags of a mesh without groups; default: none.
 
@@ -97,15 +98,16 @@ def crack(
 
 
 class _Around:
-    """Cells around the nodes of the crack.
+    """Cells around the nodes of the crack, with the nodes and facets of the cells.
 
     Attributes:
-        near: indices of the cells.
+        near: indices of these cells in the whole mesh.
         cells: nodes of these cells, shape (cells, nodes per cell); `split` replaces duplicated
             nodes.
-        corners: local indices of the nodes of each facet of a cell.
+        corners: for each facet of a cell, the local indices of its nodes in the cell.
         ids: indices of the facets of these cells, shape (cells, facets per cell).
-        tagged: indices of the tagged facets, -1 for facets that belong to none of these cells.
+        tagged: for each tagged facet of the mesh, its index as in ``ids``, or -1 if it belongs to
+            none of these cells.
     """
 
     def __init__(self, whole: WholeMesh, cell: basix.CellType, marked: Mask):
@@ -119,14 +121,19 @@ class _Around:
         self.tagged = np.where(np.isin(ids[self.ids.size :], self.ids), ids[self.ids.size :], -1)
 
     def nodes(self, cells: Ints, places: Ints) -> Ints:
-        """Return the nodes of facets, given by their cells and local facet indices."""
+        """Return the nodes of given facets, one row per facet.
+
+        Args:
+            cells: for each facet, the row of a cell to which it belongs.
+            places: for each facet, its local index in this cell.
+        """
         return self.cells[cells[:, None], self.corners[places]]
 
     def split(self, crack: Ints, marked: Mask) -> tuple[Ints, Mask]:
-        """Duplicate the nodes of the crack, so that every fan of cells has its own copy.
+        """Duplicate the nodes of the crack, so that every fan of connected cells has its own copy.
 
         Args:
-            crack: indices of the facets through which cells are not connected.
+            crack: indices of the facets of the crack, through which cells are not connected.
             marked: mask of the nodes of the crack.
 
         Returns:
@@ -158,7 +165,13 @@ class _Around:
 
 
 def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) -> WholeMesh:
-    """Return the cracked mesh, with a group for the other side of each crack."""
+    """Return the mesh with separated crack sides, and a new group for the other side of each.
+
+    Args:
+        whole: mesh on this rank.
+        cell: cell type.
+        groups: names or tags of the groups of facets that become cracks.
+    """
     values = whole.facet_values
     known = whole.facet_names
     named = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
@@ -209,7 +222,13 @@ def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) 
 
 
 def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
-    """Raise ``ValueError`` if a group branches or cannot open; warn if facets cannot open."""
+    """Raise ``ValueError`` if a crack branches or cannot open; warn if single facets cannot.
+
+    Args:
+        whole: mesh on this rank.
+        tags: tags of the cracks.
+        opens: mask of the tagged facets that have a duplicated node.
+    """
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
     for tag in tags:
@@ -239,9 +258,16 @@ def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
 def _sides(
     whole: WholeMesh, around: _Around, several: Mask, facets: Ints, tag: int
 ) -> tuple[Ints, Mask]:
-    """Return the facets of both sides of a crack, and a mask of those on the first side.
+    """Return the facets on both sides of a crack, and a mask of those on the first side.
 
-    Each facet occurs twice, once per adjacent cell, as a row of node indices.
+    Each facet occurs twice, once for each adjacent cell, as a row of node indices.
+
+    Args:
+        whole: mesh before its nodes were duplicated.
+        around: cells around the crack, with duplicated nodes.
+        several: mask of the nodes that share their position with another node.
+        facets: indices of the facets of the crack.
+        tag: tag of the crack, for messages.
     """
     cells, places = np.nonzero(np.isin(around.ids, facets))
     nodes = around.nodes(cells, places)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Meshes from gmsh with named physical groups.
 
-The body must be one or more physical groups of the highest dimension. Each part of its boundary
-that a problem uses must be a group of one dimension less.
+The body must consist of one or more physical groups of the highest dimension. Each part of its
+boundary that a problem uses must be a physical group of one dimension less.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
 
     Args:
         tags: MeshTags of cells or facets.
-        names: tags by group name.
+        names: tag of each group, by name.
     """
 
     def __init__(self, tags: mesh.MeshTags, names: Mapping[str, int]):
@@ -71,10 +71,10 @@ class GmshMesh(NamedTuple):
 
     Attributes:
         mesh: mesh of the body.
-        cell_tags: groups of cells.
-        facet_tags: groups of facets, possibly empty.
-        names: dimension and tag by name, of groups of cells and facets. If a group of cells and a
-            group of facets have the same name, the entry belongs to the facets; ``cell_tags``,
+        cell_tags: MeshTags of the groups of cells.
+        facet_tags: MeshTags of the groups of facets, possibly empty.
+        names: dimension and tag of each group of cells or facets, by name. If a group of cells and
+            a group of facets have the same name, the entry belongs to the facets; ``cell_tags``,
             ``facet_tags``, `dx` and `ds` contain both.
 
     Example:
@@ -114,8 +114,9 @@ class GmshMesh(NamedTuple):
     def bounds(self, name: str) -> Array:
         """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
-        For an empty group the lower bounds are infinity and the upper bounds minus infinity. Errors
-        are as in `facets`.
+        The first row contains the lower bounds, the second row the upper bounds. For an empty group
+        the lower bounds are infinity and the upper bounds minus infinity. Errors are raised as by
+        `facets`.
         """
         facets = self.facets(name)
         dim = self.facet_tags.dim
@@ -145,7 +146,11 @@ class GmshMesh(NamedTuple):
 
     @collective("a measure of a group")
     def ds(self, name: str, **metadata: Any) -> ufl.Measure:
-        """Return the measure of the facets of the group ``name`` for loads. Collective.
+        """Return a UFL measure for loads on the facets of the group ``name``. Collective.
+
+        Args:
+            name: name of the group.
+            metadata: metadata of the measure, such as ``quadrature_degree=4``.
 
         Raises:
             ValueError: on every rank, if no group has this name, ranks request different ones, or
@@ -159,7 +164,7 @@ class GmshMesh(NamedTuple):
 
     @collective("a measure of a group")
     def dx(self, name: str, **metadata: Any) -> ufl.Measure:
-        """Return the measure of the cells of the group ``name``. Collective.
+        """Return a UFL measure of the cells of the group ``name``. Collective.
 
         Args:
             name: name of the group.
@@ -186,20 +191,25 @@ class GmshMesh(NamedTuple):
 
 
 def named_mesh(domain: mesh.Mesh, cells: NamedTags, facets: NamedTags) -> GmshMesh:
-    """Return a mesh with named groups of cells and facets."""
+    """Return a `GmshMesh` made from a mesh and named tags of its cells and facets."""
     names = {name: (t.dim, tag) for t in (cells, facets) for name, tag in t.names.items()}
     return GmshMesh(domain, cells, facets, names)
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Return tags with names; MeshTags are combined with the names for their dimension."""
+    """Return MeshTags with the names of their groups.
+
+    Args:
+        tags: MeshTags of cells or facets; returned unchanged if they already have names.
+        names: dimension and tag of each group, by name.
+    """
     if isinstance(tags, NamedTags):
         return tags
     return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
 
 
 def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh) -> None:
-    """Raise ``ValueError`` if facets with a tag have cells on both sides. Collective."""
+    """Raise ``ValueError`` if facets with a tag lie inside the body. Collective."""
     topology = domain.topology
     topology.create_connectivity(tags.dim, topology.dim)
     found = np.asarray(tags.find(tag))
@@ -282,7 +292,9 @@ def mesh_from_gmsh(
 def draw_polygon(
     corners: Sequence[tuple[float, float]], size: float, sides: Mapping[str, Sequence[int]]
 ) -> None:
-    """Draw and mesh a polygon in the current gmsh model; for `mesh_from_gmsh`, on rank 0.
+    """Draw and mesh a polygon in the current gmsh model.
+
+    It is called by the function ``draw`` of `mesh_from_gmsh`, on rank 0.
 
     Args:
         corners: corners in order; the inside becomes the group ``body``.
@@ -311,7 +323,10 @@ def draw_polygon(
 
 @contextmanager
 def empty_model(gmsh: Any) -> Iterator[Any]:
-    """Context manager: empty gmsh model; models in an open session of the caller remain."""
+    """Context manager that provides an empty gmsh model and removes it on exit.
+
+    Models in an open gmsh session of the caller remain.
+    """
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -331,7 +346,14 @@ def empty_model(gmsh: Any) -> Iterator[Any]:
 
 
 def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str]) -> None:
-    """Call ``draw``; raise ``ValueError`` if it fails. On rank 0."""
+    """Draw the mesh by ``draw``; raise ``ValueError`` if it cannot be used. On rank 0.
+
+    Args:
+        model: gmsh model.
+        draw: function that makes the mesh.
+        dim: required dimension of the body; None for any.
+        wanted: required names of groups of facets.
+    """
     try:
         draw()
         if model.getNumberOfPartitions():  # DOLFINx makes a partition of its own
@@ -345,7 +367,12 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
-    """Distribute the mesh of a gmsh model on rank 0. Collective."""
+    """Return a distributed mesh, made from a gmsh model on rank 0. Collective.
+
+    Args:
+        comm: communicator of the mesh.
+        model: gmsh model on rank 0; not used on other ranks.
+    """
     named: list[dict[str, int]] = []
     body = 0
     if comm.rank == 0:
@@ -363,9 +390,10 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
 
 
 def _warn_of_lost_names(model: Any) -> None:
-    """Warn about groups without a name if others of their dimension have one. On rank 0.
+    """Warn about unnamed physical groups if other groups of their dimension have a name.
 
     gmsh drops a name that is assigned twice in one dimension, for example to two arcs of a circle.
+    On rank 0.
     """
     for dim in range(1, 4):
         tags = _groups(model, dim)
@@ -380,12 +408,15 @@ def _warn_of_lost_names(model: Any) -> None:
 
 
 def _groups(model: Any, dim: int) -> dict[int, str]:
-    """Return the group names of a dimension by tag; "" for unnamed groups. On rank 0."""
+    """Return the name of each physical group of a dimension, by tag. On rank 0.
+
+    The name is "" for a group without a name.
+    """
     return {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
 
 
 def _names_of(model: Any, dim: int) -> dict[str, int]:
-    """Return the tags of the named groups of a dimension. On rank 0."""
+    """Return the tag of each named physical group of a dimension, by name. On rank 0."""
     return {name: tag for tag, name in _groups(model, dim).items() if name}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Named groups of facets on a mesh of DOLFINx."""
+"""Named groups of facets on a DOLFINx mesh."""
 
 from __future__ import annotations
 
@@ -39,13 +39,14 @@ def name_groups(
 
     Args:
         domain: mesh of the bodies.
-        facets: groups by name: local indices of facets, or a function of the coordinates (3, n)
-            returning a mask of points, as for ``mesh.locate_entities_boundary``, which selects
-            facets of the boundary.
+        facets: dictionary from the name of each group to the local indices of its facets, or to a
+            function that maps coordinates, shape (3, n), to a mask of the n points. The function
+            selects facets of the boundary, as in ``mesh.locate_entities_boundary``.
         cells: name of the group of all cells.
 
     Returns:
-        The same mesh. The groups of facets have the tags 1, 2, and so on, the cells the tag 1.
+        `GmshMesh` with ``domain`` itself, not a copy, and its groups. The groups of facets have the
+        tags 1, 2, and so on, and all cells have the tag 1.
 
     Raises:
         ValueError: on every rank, if a group is empty, a facet is in two groups, or names differ
@@ -69,7 +70,12 @@ def name_groups(
 def _facet_tags(
     domain: mesh.Mesh, facets: Mapping[str, Callable[[Array], Mask] | npt.ArrayLike]
 ) -> NamedTags:
-    """Return the tags of groups of facets, or raise ``ValueError``. Collective."""
+    """Return MeshTags of named groups of facets, or raise ``ValueError``. Collective.
+
+    Args:
+        domain: mesh.
+        facets: groups by name, as for `name_groups`.
+    """
     dim = domain.topology.dim - 1
     domain.topology.create_connectivity(dim, dim + 1)
     index_map = domain.topology.index_map(dim)

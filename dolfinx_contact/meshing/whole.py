@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A whole mesh on rank 0, to be edited there and then distributed.
 
-Cells and nodes are in the order of the input, so that the result is the same on any number of
+Cells and nodes are in the order of the input, so that the edited mesh is the same on any number of
 ranks.
 """
 
@@ -34,17 +34,17 @@ __all__ = ["TaggedMesh", "WholeMesh", "distributed", "gathered", "join", "tagged
 
 @dataclass(frozen=True)
 class WholeMesh:
-    """Mesh with groups as arrays on rank 0, in the order of the input.
+    """Mesh with groups, stored as arrays on rank 0 in the order of the input.
 
     Attributes:
-        cells: nodes of the cells in the order of DOLFINx, shape (cells, nodes per cell).
+        cells: nodes of the cells in DOLFINx order, shape (cells, nodes per cell).
         x: coordinates, shape (nodes, dim).
         tagged_cells: indices of the cells with a tag.
         cell_values: tags of these cells.
-        cell_names: tags of groups of cells, by name.
+        cell_names: tag of each named group of cells, by name.
         facets: nodes of the facets with a tag, shape (facets, nodes per facet).
         facet_values: tags of these facets.
-        facet_names: tags of groups of facets, by name.
+        facet_names: tag of each named group of facets, by name.
     """
 
     cells: Ints
@@ -58,12 +58,12 @@ class WholeMesh:
 
 
 class TaggedMesh(NamedTuple):
-    """DOLFINx mesh with MeshTags.
+    """DOLFINx mesh with MeshTags of its cells and facets.
 
     Attributes:
         mesh: mesh.
-        cell_tags: tags of cells; None without.
-        facet_tags: tags of facets; None without.
+        cell_tags: tags of cells; None if there are none.
+        facet_tags: tags of facets; None if there are none.
     """
 
     mesh: mesh.Mesh
@@ -72,17 +72,17 @@ class TaggedMesh(NamedTuple):
 
     @property
     def names(self) -> list[dict[str, int]]:
-        """Tags of the groups of cells and of facets, by name."""
+        """Tags of the named groups: a dictionary for cells and one for facets, by name."""
         return [dict(getattr(tags, "names", {})) for tags in (self.cell_tags, self.facet_tags)]
 
 
 def tagged(body: Any, cell_tags: Any, facet_tags: Any, what: str) -> TaggedMesh:
-    """Return a mesh and its tags, which may be groups. Not collective.
+    """Return a mesh with its tags of cells and facets. Not collective.
 
     Args:
         body: mesh, or mesh with groups.
-        cell_tags: tags of cells; None: groups of the mesh, if it has any.
-        facet_tags: tags of facets; None: groups of the mesh, if it has any.
+        cell_tags: tags of cells; None to use the groups of the mesh, if it has any.
+        facet_tags: tags of facets; None to use the groups of the mesh, if it has any.
         what: name of the mesh in messages.
 
     Raises:
@@ -162,7 +162,12 @@ def gathered(body: TaggedMesh, tag: int | None = None) -> WholeMesh | None:
 
 
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
-    """Return the owned entities with a tag, and their tags."""
+    """Return the indices of the owned entities that have a tag, and their tags.
+
+    Args:
+        tags: MeshTags; None for no tags.
+        owned: number of owned entities.
+    """
     if tags is None:
         return np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32)
     mine = tags.indices < owned
@@ -173,9 +178,9 @@ def distributed(comm: MPI.Comm, whole: WholeMesh | None, element: Any) -> GmshMe
     """Distribute a mesh with its groups from rank 0. Collective.
 
     Args:
-        comm: communicator.
+        comm: communicator of the mesh.
         whole: mesh on rank 0; None on other ranks.
-        element: UFL coordinate element.
+        element: UFL coordinate element of the mesh.
     """
     empty = None
     if whole is not None:
@@ -223,8 +228,8 @@ def join(
 ) -> GmshMesh:
     """Return one mesh of several bodies, which do not share nodes. Collective.
 
-    Names of groups are kept. A group keeps its tag unless a group of another name has it already;
-    then it gets a new one. Groups of the same name in several meshes are merged::
+    Names of groups are kept. A group keeps its tag unless a group of another name already has this
+    tag; then it gets a new tag. Groups of the same name in several meshes are merged::
 
         upper = name_groups(square, {"top": top, "sole": bottom}, cells="upper")
         lower = read_mesh(comm, "lower.msh")  # groups lower, seat and base
@@ -235,9 +240,9 @@ def join(
         meshes: meshes with the same dimension and kind of cells, each on all ranks.
         prefixes: one prefix per mesh for the names of its groups, such as ``("upper_", "lower_")``.
             With different prefixes, groups of the same name are not merged. Default: none.
-        cell_tags: cell tags of every mesh; default: its groups of cells; for a mesh without groups,
-            1 for the cells of the first body, 2 for those of the second, and so on.
-        facet_tags: facet tags of every mesh; default: its groups of facets.
+        cell_tags: cell tags of every mesh. By default, those of its groups of cells; for a mesh
+            without groups, 1 for the cells of the first body, 2 for those of the second, and so on.
+        facet_tags: facet tags of every mesh; default: those of its groups of facets.
 
     Raises:
         ValueError: on every rank, if the meshes differ in dimension or kind of cells, if cells are
@@ -254,11 +259,11 @@ def join(
 
 
 def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | None:
-    """Return the union of the meshes; None if there are no meshes on this rank.
+    """Return the union of several meshes; None if there are no meshes on this rank.
 
     Args:
-        parts: meshes of the parts.
-        prefixes: prefix of the names of the groups of every part.
+        parts: meshes to be joined.
+        prefixes: for each mesh, the prefix of the names of its groups.
     """
     if not parts:
         return None
@@ -279,7 +284,7 @@ def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | 
 def _merged(
     parts: Sequence[tuple[Indices, Mapping[str, int]]], prefixes: Sequence[str]
 ) -> tuple[Indices, dict[str, int]]:
-    """Return the tags of the entities of all meshes, and the tag of each group by name.
+    """Return the tags of the entities of all meshes together, and the tag of each group by name.
 
     Args:
         parts: for each mesh, the tags of its entities and the tag of each group by name.
