@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures of curves, diagrams, bodies and contact surfaces, and films."""
+"""Pictures of curves, branch diagrams, bodies and contact surfaces, and films."""
 
 from dolfinx_contact.plot.bodies import picture_of_body, picture_of_states
 from dolfinx_contact.plot.curves import draw_chart, draw_curves, draw_polar

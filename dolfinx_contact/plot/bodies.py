@@ -80,7 +80,7 @@ def picture_of_body(
         problem: contact problem.
         state: state to draw, default the current Functions.
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), or one for each cell tag as in
-            `write_fields`. The colours are the von Mises stress, averaged to the vertices.
+            `write_fields`. The colours show the von Mises stress, averaged to the vertices.
         scale: factor by which the displacement and the motion of obstacles are multiplied, default
             1; a factor other than 1 is added to the title. The initial gap is not magnified; hence
             a magnified body may overlap an obstacle in the picture.
@@ -119,10 +119,10 @@ def picture_of_body(
 
 
 def draw_scene(scene: Scene, width: int = 1600) -> Drawing:
-    """Draw a scene. Not collective.
+    """Draw bodies and obstacles in one state. Not collective.
 
     Args:
-        scene: bodies and obstacles, see `framed`.
+        scene: bodies and obstacles, with the frame and the colours determined by `framed`.
         width: approximate width in pixels.
     """
     if scene.x.shape[1] == 2:
@@ -134,7 +134,7 @@ def draw_scene(scene: Scene, width: int = 1600) -> Drawing:
 
 
 def _draw_2d(scene: Scene, width: int) -> Figure:
-    """Draw bodies in 2D, see `draw_scene`."""
+    """Draw bodies and obstacles in 2D with matplotlib, see `draw_scene`."""
     extent = np.ptp(scene.visible, axis=0)
     is_flat = bool(extent[1] < 0.5 * extent[0])
     size = np.maximum(width / _PIXELS * extent / extent.max(), (2.4, 1.0))
@@ -159,7 +159,11 @@ def _draw_2d(scene: Scene, width: int) -> Figure:
 
 
 def _draw_body(axes: Axes, scene: Scene) -> Any:
-    """Draw bodies, obstacles and rims; return the coloured matplotlib object for a colour bar."""
+    """Draw bodies, obstacles and the rims of contact surfaces in 2D.
+
+    Returns:
+        Coloured matplotlib object, for a colour bar.
+    """
     from matplotlib.collections import LineCollection, PathCollection, PolyCollection
     from matplotlib.path import Path
 
@@ -192,7 +196,7 @@ def _draw_body(axes: Axes, scene: Scene) -> Any:
 
 
 def _boundary(cells: Cells) -> Cells:
-    """Return the edges of the boundary of bodies in 2D."""
+    """Return the boundary edges of a 2D mesh, given by the vertices of its cells."""
     loop = around(cells)
     sides = np.sort(np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges, count = np.unique(sides, axis=0, return_counts=True)
@@ -234,11 +238,11 @@ def picture_of_states(
         file: picture in any format of matplotlib; None writes nothing.
         system: system to which the points belong, whose Functions contain the last point
             afterwards; or the contact problem, if states are drawn.
-        points: points of branches or `Solutions.found` of a system; states or evolution steps of a
-            contact problem.
-        titles: titles of the panels, default gamma or the time, and the numbers of points of each
-            status.
-        scale: factor of the displacement, default 1.
+        points: points of branches or of `Solutions.found`, for a system; states or evolution steps,
+            for a contact problem.
+        titles: titles of the panels; default: gamma or the time, and the numbers of contact points
+            of each status.
+        scale: factor by which the displacement is multiplied, default 1.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -276,7 +280,7 @@ def picture_of_states(
 
 
 def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -> Figure:
-    """Draw scenes side by side, with one scale of colours and a legend of statuses."""
+    """Draw scenes side by side, with a common colour bar and a legend of the statuses."""
     # slender bodies in a column or a row, others in a square
     extent = np.ptp(scenes[0].visible, axis=0)
     ratio = float(extent[1] / extent[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures of curves in Cartesian or polar axes, and charts over two parameters."""
+"""Pictures of curves in Cartesian or polar axes, and of charts over two parameters."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def draw_curves(
         curves: abscissae and ordinates of lines, by name. Names beginning with an underscore are
             not in the legend.
         marks: curves drawn as points, by name.
-        dotted: reference curves, drawn black and dotted or dashed, by name.
-        labels: labels of the axes, TeX between dollars.
+        dotted: reference curves, drawn in black, dotted or dashed, by name.
+        labels: labels of the horizontal and the vertical axis; formulas in TeX between dollars.
         title: title of the picture, default none.
         loglog: True for two logarithmic axes, default False.
 
@@ -81,7 +81,7 @@ def draw_polar(
         file: picture in any format of matplotlib; None writes nothing.
         curves: angles (radians) and radii by name. Infinite radii are omitted.
         title: title of the picture, default none.
-        label: label of the radius.
+        label: label of the radial axis.
 
     Returns:
         The polar axes.
@@ -111,7 +111,7 @@ def _new_axes(curves: Any, size: tuple[float, float], **options: Any) -> Axes:
 
 
 def _finish(axes: Axes, file: File, title: str | None, **legend: Any) -> Axes:
-    """Add the legend of the lines and the title, and write the figure."""
+    """Add the legend of the curves and the title to the axes, and write the figure."""
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize=9, **legend)
     axes.set_title(title or "", loc="left")
@@ -130,16 +130,17 @@ def draw_chart(
 ) -> Axes:
     """Draw a chart of the number of solutions over two parameters. Not collective.
 
-    Each cell is coloured by its number of solutions or, with ``names``, by its set of statuses.
-    Cells in which the number is not proved are hatched; they have at least this many solutions.
-    Curves of folds are thick, curves of events thin, and a dot marks a cusp.
+    Each cell of the chart is coloured by its number of solutions. With ``names``, it is coloured by
+    the set of the statuses of its solutions. Cells in which the number is not proved are hatched;
+    they have at least this many solutions. Curves of folds are thick, curves of events thin, and a
+    dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         chart: result of `count_solutions` or `solution_regions`.
         curves: curves of folds and events; default: curves of the chart.
         names: names of the sets of statuses, for the legend; default: numbers of solutions.
-        labels: labels of the axes, TeX between dollars.
+        labels: labels of both axes; formulas in TeX between dollars.
         title: title of the picture, default none.
 
     Returns:
@@ -178,7 +179,14 @@ def draw_chart(
 def _add_legend_of_fills(
     axes: Axes, colours: Mapping[str, str], *, columns: int, proved: bool
 ) -> None:
-    """Add a legend with the colours of cells by name, and the hatch of cells without a proof."""
+    """Add a legend with the colours of the cells of a chart.
+
+    Args:
+        axes: axes of the chart.
+        colours: colours by name in the legend.
+        columns: number of columns of the legend.
+        proved: whether all numbers of solutions are proved; otherwise the hatching is explained.
+    """
     from matplotlib.patches import Patch
 
     fills = {word: dict(facecolor=colour) for word, colour in colours.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Diagrams of branches: functionals over gamma, and the statuses along each branch."""
+"""Diagrams of branches: functionals over the parameter gamma, and statuses along each branch."""
 
 from __future__ import annotations
 
@@ -52,26 +52,27 @@ def draw_diagram(
     strips: int = 4,
     proved: Iterable[Solutions | ProvedCount] = (),
 ) -> Figure:
-    """Draw branches. Not collective.
+    """Draw a diagram of branches. Not collective.
 
-    The upper part shows the functionals over gamma with folds and bifurcations. The lower part has
-    one strip for each of the first branches. It shows the status of every contact point over the
-    distance along the branch, in units of steps. Points are numbered from 0 in the order of
-    coordinates. With more than 60 points, the number of points of each status is shown instead.
+    The upper part shows functionals over the parameter gamma, with folds and bifurcations. The
+    lower part has one strip for each of the first branches. It shows the status of every contact
+    point over the distance along the branch, which is the sum of the lengths of the continuation
+    steps. Points are numbered from 0 in the order of coordinates. With more than 60 points, the
+    number of points of each status is shown instead.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         journal: result of `read_journal` or `journal_of`.
-        functional: name of a functional or of a numeric column, or a sequence of names with one
-            panel each, or labels by name (TeX between dollars). The default is the first
-            functional, or ``norm``.
+        functional: name of a functional or of a numeric column; or a sequence of names, with one
+            panel each; or a dictionary of labels by name, with formulas in TeX between dollars. The
+            default is the first functional, or ``norm``.
         names: names of the branches in the legend, default the statuses at the last point.
         title: title of the diagram.
-        parameter: label of gamma.
+        parameter: label of the axis of gamma.
         strips: largest number of strips, default 4.
         proved: results of `find_solutions` or `analysis.prove_counts` at values of gamma. Each is
-            drawn as a dotted line that is labelled by the number of solutions and whether the
-            number is proved.
+            drawn as a dotted line, labelled by the number of solutions and by whether the number is
+            proved.
 
     Returns:
         The figure. Its first axes contain the functionals, the others the strips.
@@ -121,7 +122,12 @@ def draw_diagram(
 def _labels(
     journal: Journal, branch: int, functional: str | Sequence[str] | Mapping[str, str]
 ) -> Mapping[str, str]:
-    """Return the labels of the columns to be drawn, by name of the column.
+    """Return the labels of the columns to be drawn over gamma, by name of the column.
+
+    Args:
+        journal: journal of the branches.
+        branch: number of a branch that must have these columns.
+        functional: name, names or labels by name, see `draw_diagram`.
 
     Raises:
         ValueError: if one of them is not a numeric column of the branch.
@@ -135,7 +141,7 @@ def _labels(
 
 
 def _status_name(journal: Journal, branch: int) -> str:
-    """Return a name with the statuses at the last point, such as "branch 0: 3 stick, 2 open"."""
+    """Return a name of a branch with its last statuses, such as "branch 0: 3 stick, 2 open"."""
     words = status.summary(journal.columns(branch)["status"][-1])
     return f"branch {branch}: {words}" if len(words) <= _LONGEST_NAME else f"branch {branch}"
 
@@ -187,7 +193,7 @@ def _draw_functional(
 
 
 def _draw_strips(figure: SubFigure, journal: Journal, branches: Sequence[int]) -> None:
-    """Draw the statuses along branches, one below the other, with a legend."""
+    """Draw one strip per branch with the statuses of the contact points along it, and a legend."""
     from matplotlib.colors import ListedColormap
 
     letters = list(status.NAMES)

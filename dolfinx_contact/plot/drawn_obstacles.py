@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Surfaces of rigid obstacles in pictures.
 
-For obstacles with facets, the facets are drawn. Other obstacles given by a formula are drawn as the
+If an obstacle has facets, these are drawn. Other obstacles given by a formula are drawn as the
 contour gap = 0 on a grid, as a whole if they are not much larger than the bodies, otherwise only
 near the bodies. An obstacle whose gap is only defined on the contact surface is drawn as the points
 opposite to this surface.
@@ -48,8 +48,8 @@ class DrawnObstacle:
     """Facets that represent a rigid obstacle in a picture.
 
     Attributes:
-        x: coordinates of its vertices, shape (m, dim).
-        cells: vertices of its facets.
+        x: coordinates of the m vertices, shape (m, dim).
+        cells: vertices of the facets, one row per facet.
         n: normals at the vertices, into the obstacle, shape (m, dim).
         formula: formula from which `around` extracts the facets; None if the facets are final.
         inside: in 2D the interior of the obstacle, as points and codes of matplotlib paths; () if
@@ -63,7 +63,11 @@ class DrawnObstacle:
     inside: Sequence[tuple[Array, npt.NDArray[np.uint8]]] = ()
 
     def around(self, points: Array) -> DrawnObstacle:
-        """Return the facets of the obstacle near points, shape (n, dim). Not collective."""
+        """Return the obstacle with its facets near n points. Not collective.
+
+        Args:
+            points: coordinates of the points, shape (n, dim).
+        """
         if self.formula is None:
             return self
         low, high = points.min(axis=0), points.max(axis=0)
@@ -83,9 +87,10 @@ class DrawnObstacle:
 
 
 def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
-    """Return the obstacle of a contact surface at the present data. Collective.
+    """Return the obstacle of a contact surface in its present position. Collective.
 
-    Facets of the obstacle itself are returned on every rank, any others on rank 0 only.
+    Facets of the obstacle itself are returned on every rank, points opposite to the surface on rank
+    0 only.
 
     Args:
         s: contact surface whose obstacle is drawn.
@@ -99,13 +104,13 @@ def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
 
 
 class _Formula:
-    """Gap and normal of an obstacle at any point, at the present data.
+    """Gap and normal of an obstacle in its present position, at any points.
 
     Only construction is collective.
 
     Args:
         domain: mesh of the bodies.
-        gap_and_normal: UFL vector without Functions.
+        gap_and_normal: UFL vector of the gap and the normal, without Functions.
         motion: displacements of the rigid obstacle at the origin and at the end points of the unit
             vectors, which define its motion.
         axisymmetric: whether the obstacle is drawn for x >= 0 only.
@@ -126,13 +131,22 @@ class _Formula:
         self._turned = np.eye(dim) + motion[1:] - motion[0]
 
     def _at(self, x: Array) -> tuple[Array, Array]:
-        """Return gaps, shape (n,), and unit normals, shape (n, dim), at points, shape (n, dim)."""
+        """Return the gaps, shape (n,), and unit normals, shape (n, dim), at n points.
+
+        Args:
+            x: coordinates of the points, shape (n, dim).
+        """
         self._values.x = (x - self._moved) @ np.linalg.pinv(self._turned)
         both = self._values()["both"]
         return both[:, 0], unit(both[:, 1:] @ self._turned)
 
     def surface(self, low: Array, high: Array) -> DrawnObstacle | None:
-        """Return the part of the surface in a box; None if there is none."""
+        """Return the part of the surface of the obstacle in a box; None if there is none.
+
+        Args:
+            low: lower corner of the box, shape (dim,).
+            high: upper corner of the box, shape (dim,).
+        """
         dim = len(low)
         axes = np.linspace(np.maximum(low, self._least), high, _NUMBER[dim])
         grid = np.stack(np.meshgrid(*axes.T, indexing="ij"), axis=-1)
@@ -150,9 +164,10 @@ class _Formula:
 
 
 def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
-    """Return the formula of an obstacle; None if it has facets or no gap in all of space.
+    """Return the formula of the obstacle of a contact surface. Collective.
 
-    Collective; arguments as of `obstacle_of`.
+    None if the obstacle has facets, or if its gap is not defined in all of space. The arguments are
+    those of `obstacle_of`.
     """
     shape, domain = shape_of(s.obstacle), s.u.function_space.mesh
     if shape.outline is not None or not known_displaced(shape):
@@ -167,7 +182,12 @@ def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
 
 
 def _curves(axes: Array, gap: Array) -> DrawnObstacle:
-    """Return the curves gap = 0 on a grid in 2D, and the interior gap < 0."""
+    """Return the obstacle gap <= 0 in 2D, with its boundary curves and its interior.
+
+    Args:
+        axes: coordinates of the grid points along both axes, one column per axis.
+        gap: gaps at the grid points.
+    """
     from contourpy import contour_generator
 
     contours: Any = contour_generator(axes[:, 0], axes[:, 1], gap.T, fill_type="OuterCode")
@@ -180,7 +200,12 @@ def _curves(axes: Array, gap: Array) -> DrawnObstacle:
 
 
 def _triangles(axes: Array, gap: Array) -> DrawnObstacle:
-    """Return the surface gap = 0 on a grid in 3D."""
+    """Return the surface gap = 0 in 3D as triangles.
+
+    Args:
+        axes: coordinates of the grid points along the axes, one column per axis.
+        gap: gaps at the grid points.
+    """
     import pyvista as pv
 
     grid = pv.ImageData(dimensions=gap.shape, spacing=axes[1] - axes[0], origin=axes[0])

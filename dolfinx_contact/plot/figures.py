@@ -75,7 +75,9 @@ def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure
 
 
 def save(drawing: Drawing, file: File) -> None:
-    """Write a figure or the view of a plotter; do nothing without a file. Not collective.
+    """Write a matplotlib figure or the view of a PyVista plotter. Not collective.
+
+    Nothing is written if ``file`` is None.
 
     Raises:
         OSError: if the file cannot be written; an existing file is then unchanged.
@@ -92,7 +94,9 @@ def save(drawing: Drawing, file: File) -> None:
 
 
 def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Drawing | None:
-    """Draw and write on rank 0; raise an error of rank 0 on every rank. Collective.
+    """Draw a picture and write it to a file on rank 0. Collective.
+
+    An error on rank 0 is raised on every rank.
 
     Returns:
         The drawing on rank 0, None on other ranks.
@@ -137,8 +141,8 @@ def add_status_legend(
 
     Args:
         figure: figure to which the legend is added.
-        letters: letters of all points.
-        names: names of the letters.
+        letters: status letters of all points.
+        names: names of the statuses in the legend, by letter.
         title: title of the legend.
     """
     from matplotlib.patches import Patch
@@ -159,7 +163,7 @@ def around(cells: Cells) -> Cells:
 
 
 def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
-    """Return whether cells are large enough that their edges do not hide the colours.
+    """Return whether cells are so large that lines along their edges do not hide the colours.
 
     Args:
         x: positions of the vertices.

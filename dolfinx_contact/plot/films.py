@@ -91,11 +91,11 @@ def film(
     Args:
         file: ``.gif``, or ``.mp4`` (requires imageio-ffmpeg).
         problem: contact problem; its displacement is restored at the end.
-        states: history; or states or steps in the order of the film, such as
+        states: one of the following: a history; states or steps in the order of the film, such as
             ``history.steps[::2]``, or ``map(record.state, range(10))`` with a record; or a
             generator that sets the displacement of the problem and yields a text for the title.
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
-        scale: factor of the displacement, default 1; see `picture_of_body`.
+        scale: factor by which the displacement is multiplied, default 1; see `picture_of_body`.
         title: title of the film, followed in each frame by the time or load of the state, or by the
             text that the generator yields.
         rate: frames per second, default 10.
@@ -105,7 +105,7 @@ def film(
             expression of the displacement; the values of a Function stay the same.
 
     Returns:
-        The file.
+        Path of the film.
 
     Raises:
         ModuleNotFoundError: on every rank, if a package required for the format is not installed.
@@ -123,7 +123,6 @@ def film(
                 for phase in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
                     problem.u.x.array[:] = np.cos(phase) * mode.x.array
                     yield f"phase {phase:.2f}"
-
 
             plot.film("output/mode.gif", problem, swinging())
             plot.film("output/history.gif", problem, history)
@@ -169,7 +168,7 @@ def film_of_contact(
         size: see `film`.
 
     Returns:
-        The file. Errors are as in `film` and `picture_of_contact`.
+        Path of the film. Errors are as in `film` and `picture_of_contact`.
 
     Example:
         ::
@@ -196,7 +195,7 @@ def _shots(
     title: str,
     gather: Callable[[ContactProblem, str], T],
 ) -> list[T]:
-    """Gather the data of all frames, and restore the displacement. Collective.
+    """Gather the data of all frames of a film, then restore the displacement. Collective.
 
     Args:
         problem: see `film`.
@@ -223,7 +222,10 @@ def _shots(
 
 
 def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
-    """Yield the states or texts of a film; raise errors on every rank. Collective."""
+    """Yield the states of a film, or the texts of its generator, one by one. Collective.
+
+    Errors of the generator are raised on every rank.
+    """
     iterator = iter(states.steps if isinstance(states, History) else states)
     end = object()
     while True:
@@ -247,7 +249,15 @@ def _written(
     rate: float,
     size: int,
 ) -> Path:
-    """Draw frames and write them as a film, on rank 0. Collective."""
+    """Draw frames and write them as a film on rank 0; return its path. Collective.
+
+    Args:
+        comm: communicator.
+        file: path of the film.
+        drawings: function that draws the frames; called on rank 0.
+        rate: frames per second.
+        size: largest width and height of a frame in pixels.
+    """
     path = Path(file)
     is_gif = path.suffix == ".gif"
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)
@@ -264,9 +274,9 @@ def _written(
 
 
 def _pixels(drawing: Drawing, size: int) -> npt.NDArray[np.uint8]:
-    """Return a figure or plotter as an image, shape (height, width, 3).
+    """Return a figure or plotter as an RGB image, shape (height, width, 3).
 
-    Height and width are even.
+    Height and width are even numbers of at most ``size`` pixels.
     """
     if hasattr(drawing, "canvas"):
         drawing.set_dpi(size / max(drawing.get_size_inches()))

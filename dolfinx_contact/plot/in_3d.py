@@ -45,7 +45,10 @@ _servers: list[subprocess.Popen[bytes]] = []
 
 
 def draw_3d(scene: Scene, width: int) -> pv.Plotter:
-    """Draw bodies in 3D, see `draw_scene`. Actors have names such as ``"body"``."""
+    """Draw bodies and obstacles in 3D with PyVista, see `draw_scene`.
+
+    The actors of the plotter have names such as ``"body"``.
+    """
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
@@ -86,12 +89,12 @@ def _draw_body(
     every: bool,
     ahead: Array,
 ) -> None:
-    """Draw bodies with edges, coloured by a field or by connected part.
+    """Draw bodies with edges, coloured by a field or, without a field, by connected part.
 
     Args:
         plotter: plotter to which the bodies are added.
         scene: bodies and obstacles.
-        section: plane of the section.
+        section: point and normal of the plane of a section; None for no section.
         every: whether the edges of all cells are drawn; otherwise only sharp edges and edges of the
             section.
         ahead: vector by which edges are moved towards the viewer, so that facets do not hide them.
@@ -119,7 +122,13 @@ def _draw_body(
 
 
 def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) -> None:
-    """Add a colour bar with round numbers for the mesh that was drawn last."""
+    """Add a colour bar with round numbers for the mesh that was drawn last.
+
+    Args:
+        plotter: plotter to which the bar is added.
+        label: label of the bar.
+        ends: smallest and largest value of the colour map.
+    """
     from matplotlib.ticker import MaxNLocator
 
     low, high = ends
@@ -134,7 +143,11 @@ def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) 
 
 
 def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
-    """Draw the rims of contact surfaces, and the obstacles."""
+    """Draw the rims of contact surfaces, and the obstacles.
+
+    Obstacles between the viewer and the body are transparent; ``eye`` is the unit vector from the
+    body to the viewer.
+    """
     # the rims of contact surfaces: thick for slaves, thin for masters
     size = float(np.linalg.norm(np.ptp(scene.visible, axis=0)))
     rims = [(cells, 0.0025 * size) for cells in scene.slaves]
@@ -156,7 +169,7 @@ def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
 
 
 def _draw_arrows(plotter: pv.Plotter, scene: Scene) -> None:
-    """Draw arrows, with their legends at the upper left."""
+    """Draw the arrows of a scene, with their legends at the upper left of the picture."""
     shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
     for i, (label, (points, vectors)) in enumerate(scene.view.arrows.items()):
         cloud = pv.PolyData(points)
@@ -181,14 +194,22 @@ def _solid(x: Array, cells: Cells) -> Any:
 
 
 def _edges(cells: Any, every: bool) -> Any:
-    """Return the edges of cells: all (``every``), or only sharp edges and boundary edges."""
+    """Return the edges of a mesh: all of them, or only sharp edges and boundary edges.
+
+    Args:
+        cells: PyVista mesh.
+        every: whether all edges are returned.
+    """
     if every:
         return cells.extract_all_edges()
     return cells.extract_feature_edges(feature_angle=_SHARP, **_RIM)
 
 
 def _section(scene: Scene) -> Plane | None:
-    """Return the plane of the section, by default in the middle of the bodies or of the region."""
+    """Return a point and the normal of the plane of the section; None without a section.
+
+    By default, the plane passes through the middle of the bodies or of the visible region.
+    """
     if scene.view.clip is None:
         return None
     point, normal = scene.view.clip
@@ -217,7 +238,7 @@ def _hide(plotter: pv.Plotter, planes: Sequence[Plane]) -> None:
 def _default_eye(scene: Scene) -> Array:
     """Return the default unit vector from the body to the viewer.
 
-    The view is obliquely from above; with a section, onto the cut.
+    The viewer looks obliquely from above; with a section, onto the cut.
     """
     wide, deep, _ = np.ptp(scene.x, axis=0)
     along = np.eye(3)[int(deep > 1.1 * wide)]
@@ -229,13 +250,16 @@ def _default_eye(scene: Scene) -> Array:
 
 
 def _set_camera(plotter: pv.Plotter, scene: Scene, frame: Array, width: float) -> float:
-    """Place the camera so that the bodies fill the picture; return the pixels per length.
+    """Place the camera so that the bodies fill the picture.
 
     Args:
         plotter: plotter whose camera is placed.
         scene: bodies and obstacles.
         frame: unit vectors to the right, upwards and towards the viewer, shape (3, 3).
         width: largest width of the picture in pixels.
+
+    Returns:
+        Number of pixels per length.
     """
     seen = scene.visible @ frame.T
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -261,8 +285,8 @@ def _draw_scale(plotter: pv.Plotter, unit_of_length: str, frame: Array, pixels: 
 
     Args:
         plotter: plotter with its camera.
-        unit_of_length: unit in the label.
-        frame: see `_set_camera`.
+        unit_of_length: unit of length in the label.
+        frame: unit vectors to the right, upwards and towards the viewer, shape (3, 3).
         pixels: number of pixels per length.
     """
     window = np.array(plotter.window_size)
@@ -284,8 +308,8 @@ def _draw_scale(plotter: pv.Plotter, unit_of_length: str, frame: Array, pixels: 
 def ensure_display() -> None:
     """Ensure that VTK can open a window, if necessary on a virtual display. Not collective.
 
-    VTK with X11 as its only window system (Debian's) aborts the process if it cannot connect to an
-    X server. Therefore the connection is tried first, and Xvfb is started if it fails. With a
+    A VTK whose only window system is X11, such as Debian's, aborts the process if it cannot connect
+    to an X server. Therefore the connection is tried first, and Xvfb is started if it fails. With a
     display VTK renders well inside an MPI process. Other builds of VTK fall back to EGL or OSMesa.
 
     Raises:

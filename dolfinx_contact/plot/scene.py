@@ -88,10 +88,10 @@ class View:
         field: UFL scalar, "displacement", or None.
         eye: unit vector from the body towards the viewer; None for the default.
         clip: point (None for the middle) and unit normal of a section; None for no section.
-        arrows: points and vectors by name, shape (2, k, dim) each.
+        arrows: start points and vectors of k arrows by name, shape (2, k, dim) each.
         region: lower and upper corner of the visible box, shape (2, dim); None for everything.
         edges: whether the edges of the cells are drawn; None for the default.
-        units: units of "length" and "stress".
+        units: names of the units of "length" and "stress".
     """
 
     field: Any
@@ -108,7 +108,7 @@ class Scene:
     """Data of a picture of bodies and obstacles in one state.
 
     Attributes:
-        x: coordinates of the displaced vertices, shape (n, dim).
+        x: coordinates of the n displaced vertices, shape (n, dim).
         cells: vertices of all cells in 2D or if there is a section; otherwise vertices of the
             boundary facets.
         slaves: vertices of the facets of each contact surface.
@@ -118,10 +118,10 @@ class Scene:
         label: label of the field.
         title: title of the picture.
         view: options of the picture.
-        points: positions of the drawn contact points, shape (m, dim); only of surfaces whose
-            contact points are vertices.
+        points: positions of the m drawn contact points, shape (m, dim); only points of surfaces
+            whose contact points are vertices.
         letters: status letters of these points.
-        visible: points that must be visible, shape (k, dim); see `framed`.
+        visible: positions of k points that must be visible, shape (k, dim); see `framed`.
         limits: smallest and largest field value of the colour map; see `framed`.
     """
 
@@ -140,10 +140,10 @@ class Scene:
     limits: tuple[float, float] = (0.0, 1.0)
 
     def colours(self) -> tuple[npt.NDArray[Any], Any, tuple[float, float]]:
-        """Return values at the vertices, their colour map, and its smallest and largest value.
+        """Return the coloured values at the vertices, their colour map, and its limits.
 
-        Without a field, connected parts have different tints, and the values are the indices of the
-        tints.
+        The limits are the smallest and the largest value. Without a field, connected parts have
+        different tints, and the values are the indices of the tints.
         """
         from matplotlib import colormaps
         from matplotlib.colors import ListedColormap
@@ -155,13 +155,17 @@ class Scene:
         return tints, ListedColormap(_TINTS), (-0.5, len(_TINTS) - 0.5)
 
     def shows_edges(self, pixels: float) -> bool:
-        """Return whether to draw the edges of the cells, for a number of pixels per length."""
+        """Return whether to draw the edges of the cells.
+
+        Args:
+            pixels: number of pixels per length; by default, edges of small cells are not drawn.
+        """
         edges = self.view.edges
         return are_distinct(self.x, self.cells, pixels) if edges is None else edges
 
 
 def framed(scenes: Sequence[Scene]) -> list[Scene]:
-    """Return scenes with the same frame and colours, and with the visible part of obstacles.
+    """Return scenes with a common frame and common colours, and with the visible obstacles.
 
     The bodies of all scenes fill the picture. Obstacles of similar size are visible completely,
     larger obstacles only near the bodies. The longest arrow of each name has the same length.
@@ -197,7 +201,10 @@ def framed(scenes: Sequence[Scene]) -> list[Scene]:
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Return the smallest and largest finite value; the latter is increased if they are equal."""
+    """Return the smallest and the largest finite value, as limits of a colour map.
+
+    The largest value is increased if both are equal.
+    """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     low = 0.0 if abs(low) < 1e-9 * high else low  # the colour bar shows no round-off
@@ -214,7 +221,12 @@ def check_units(units: Mapping[str, str] | None) -> None:
 
 
 def check_look(function: Any, look: Mapping[str, Any]) -> None:
-    """Raise ``TypeError`` if a name is an option of neither ``function`` nor `Look`."""
+    """Raise ``TypeError`` if an option belongs neither to ``function`` nor to `Look`.
+
+    Args:
+        function: function to which the options were passed.
+        look: options by name.
+    """
     options = [*unwrap(function).__kwdefaults__, *Look.__annotations__]
     for name in look:
         if name not in options:
@@ -249,14 +261,22 @@ def _view_of(look: Mapping[str, Any], domain: mesh.Mesh) -> View:
 
 
 def _direction(value: Any, name: str) -> Array:
-    """Return the unit vector for an axis name or a vector given by the user."""
+    """Return the unit vector of a direction given as an axis such as "-y", or as a vector.
+
+    Args:
+        value: axis or vector.
+        name: name of the argument, for the message of an error.
+    """
     if isinstance(value, str):
         return _AXES[one_of(value, name, _AXES)]
     return unit(vector(value, name, 3, zero=False))
 
 
 def _plane(clip: Any) -> tuple[Array | None, Array]:
-    """Return a point (None for the middle) and the unit normal of a section."""
+    """Return a point and the unit normal of the section ``clip`` (`Look`).
+
+    The point is None if the section passes through the middle.
+    """
     pair = not isinstance(clip, str) and len(clip) == 2
     point, normal = clip if pair else (None, clip)
     at = None if point is None else vector(point, "the point of clip", 3)
@@ -264,7 +284,7 @@ def _plane(clip: Any) -> tuple[Array | None, Array]:
 
 
 def _box(region: Any, dim: int) -> Array:
-    """Return the lower and upper corner of a box, shape (2, dim)."""
+    """Return the lower and upper corner of the box ``region`` (`Look`), shape (2, dim)."""
     corners = np.array([vector(corner, "a corner of region", dim) for corner in region])
     if corners.shape != (2, dim) or not np.all(np.ptp(corners, axis=0) > 0):
         raise ValueError(f"region must be two opposite corners of a box, got {region!r}")
@@ -299,7 +319,7 @@ def scene_of(
         scale: factor by which the displacement and the motion of obstacles are multiplied.
         title: title of the picture; a factor other than 1 is added to it.
         look: options of the picture, see `Look`; their names have already been checked.
-        tables: contact tables of the surfaces whose points are drawn.
+        tables: contact tables of the surfaces whose contact points are drawn.
 
     Returns:
         The scene on rank 0, None on other ranks.
@@ -350,7 +370,7 @@ def _points_at_vertices(
 
     Args:
         body: gathered body, see `Outside.gather`.
-        x: positions of its displaced vertices, shape (n, dim).
+        x: positions of its n displaced vertices, shape (n, dim).
         slaves: vertices of the facets of each contact surface, by name.
         tables: contact tables of the surfaces whose points are drawn.
     """
@@ -368,11 +388,10 @@ def _points_at_vertices(
 def _field_at_vertices(
     problem: ContactProblem, outside: Outside, stress: Any, view: View
 ) -> tuple[str, dict[str, Array]]:
-    """Return the label of the field, and a dictionary with its local vertex values.
+    """Return the label of the field of a picture, and its local vertex values. Collective.
 
-    The key of the values is "field". Collective.
-
-    Values that are not finite are NaN. Without a field, the dictionary is empty.
+    The values are in a dictionary with the key "field", which is empty without a field. Values that
+    are not finite are NaN.
     """
     tags = check_stress(problem, stress)
     rule: dict[str, Any] = {"quadrature_rule": "vertex"}

@@ -95,8 +95,8 @@ def picture_of_contact(
     the mean normal of the part in contact. In 2D the tractions and the friction bound are drawn
     over the coordinate of a straight surface, and over the arc length of a curved one. For a law
     with bonds, the frictional part of the shear, to which the bound applies, is drawn as well. As
-    in `ContactTable.along`, the shear is positive along t = (-n_y, n_x), which points to -x below
-    an obstacle.
+    in `ContactTable.along`, the shear in 2D is positive along the tangent t = (-n_y, n_x), where n
+    is the normal. It points to -x below an obstacle.
 
     The picture is limited to the part of the surface that is in contact or carries a traction, with
     a margin. Statuses and values are those of the vertices (`ContactProblem.contact_fields`); the
@@ -145,8 +145,8 @@ def draw_contact(
     """Draw pressure, shear and status of a contact surface. Not collective.
 
     Args:
-        data: state to draw, see `contact_data`.
-        frames: states for which the same axes and colours are used, for example in a film.
+        data: data of the state to draw, see `contact_data`.
+        frames: data of all states that must have the same axes and colours, for example in a film.
         s: contact surface to draw.
         title: title of the picture.
         over: see `picture_of_contact`.
@@ -170,11 +170,12 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """Gather facets, tractions and statuses of the vertices of a surface on rank 0. Collective.
 
     Returns:
-        The arrays of `gather_facets`, with ``pressure``, ``shear`` (in 2D its components along t),
-        the friction bound ``bound``, the status letters ``letters``, the normals ``n`` of the
-        undeformed body, and the mask ``touching`` of vertices that stick, slip or carry a traction;
-        for a law with bonds also the frictional part ``friction`` of the shear. An empty dictionary
-        on other ranks.
+        On rank 0, the arrays of `gather_facets` and the following values at the vertices:
+        ``pressure``; ``shear``, in 2D its component along the tangent (-n_y, n_x) with the normal
+        n; the friction bound ``bound``; the status letters ``letters``; the normals ``n`` of the
+        undeformed body; and the mask ``touching`` of vertices that stick, slip or carry a traction.
+        For a law with bonds also ``friction``, the frictional part of the shear. On other ranks, an
+        empty dictionary.
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
@@ -208,16 +209,16 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
 
 @dataclass(frozen=True)
 class _Frame:
-    """A contact surface in the coordinates of a picture.
+    """Contact surface in the coordinates of a picture, with the data to draw.
 
     Attributes:
         surface: drawn contact surface.
-        x: positions of the vertices, shape (m, 1) along a curve and (m, 2) on a map.
+        x: positions of the m vertices, shape (m, 1) along a curve and (m, 2) on a map.
         cells: vertices of the facets that are drawn.
-        box: limits of the axes, shape (2, 1) or (2, 2).
+        box: lower and upper limits of the axes, shape (2, 1) or (2, 2).
         labels: names of the coordinates along the axes.
-        data: state to draw, see `contact_data`.
-        every: states for which the same axes and colours are used, for example in a film.
+        data: data of the state to draw, see `contact_data`.
+        every: data of all states that must have the same axes and colours, for example in a film.
         units: units of "length" and "stress".
     """
 
@@ -231,15 +232,15 @@ class _Frame:
     units: Mapping[str, str]
 
     def label(self, axis: int) -> str:
-        """Return the label of an axis."""
+        """Return the label of an axis: its coordinate with the unit of length."""
         return with_unit(self.labels[axis], self.units.get("length"))
 
     def stress(self, words: str) -> str:
-        """Return ``words`` with the unit of stress, as a label or a title."""
+        """Return the label or title ``words`` with the unit of stress."""
         return with_unit(words, self.units.get("stress"))
 
     def shear(self) -> str:
-        """Return the name of the shear."""
+        """Return the name of the shear in the labels, with the body on which it acts."""
         return f"shear on the {'slave' if self.surface.between_bodies else 'body'}"
 
 
@@ -249,8 +250,8 @@ def _limits(x: Array, data: Arrays) -> tuple[float, float]:
     Without contact, the limits include all facets.
 
     Args:
-        x: positions of the vertices, shape (m,).
-        data: see `contact_data`.
+        x: coordinates of the m vertices along the axis, shape (m,).
+        data: data of the state to draw, see `contact_data`.
     """
     cells, touching = data["cells"], data["touching"]
     near = x[cells[touching[cells].any(axis=1)]] if touching.any() else x
@@ -263,7 +264,7 @@ def _limits(x: Array, data: Arrays) -> tuple[float, float]:
 
 
 def _draw_curve(frame: _Frame) -> Figure:
-    """Draw the tractions over the arc length of a 2D surface, or over a coordinate."""
+    """Draw the tractions on a 2D surface over its arc length or over a coordinate."""
     at, data = frame.x[:, 0], frame.data
     axes = new_figure((8.6, 5.0)).add_subplot()
     pressure, shear, bound = data["pressure"], data["shear"], data["bound"]
@@ -296,20 +297,19 @@ def _draw_curve(frame: _Frame) -> Figure:
 
 
 def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str]]:
-    """Return the horizontal positions of vertices of a 2D surface, by arc length or coordinate.
+    """Return the horizontal positions at which the vertices of a 2D surface are drawn.
 
-    The arc length grows along t = (-n_y, n_x).
-
-    A closed curve is cut at the facet that is farthest from the part in contact; this facet is
-    omitted.
+    They are coordinates or arc lengths. The arc length grows along the tangent (-n_y, n_x), where n
+    is the normal. A closed curve is cut at the facet that is farthest from the part in contact;
+    this facet is omitted.
 
     Args:
-        data: see `contact_data`.
+        data: data of the state to draw, see `contact_data`.
         over: coordinate to use; default: the coordinate along a straight surface, otherwise the arc
             length.
 
     Returns:
-        Positions of the vertices, shape (m, 1); vertices of the facets; and label of the axis.
+        Positions of the m vertices, shape (m, 1); vertices of the facets; and label of the axis.
     """
     x, facets = data["x"][:, :2], data["cells"]
     extent = np.ptp(x, axis=0)
@@ -343,7 +343,7 @@ def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str
 
 
 def _draw_map(frame: _Frame) -> Figure:
-    """Draw pressure, and status with the shear traction, on the projected surface."""
+    """Draw two maps of a projected 3D surface: the pressure, and the status with the shear."""
     x, cells = frame.x, frame.cells
     wide, tall = frame.box[1] - frame.box[0]
     # panels side by side; those of a long surface are above each other, and stretched
@@ -377,9 +377,12 @@ def _draw_map(frame: _Frame) -> Figure:
 
 
 def _look_of_pressure(every: Array) -> dict[str, Any]:
-    """Return the options norm and cmap for maps of the pressure in all frames.
+    """Return the colour scale of the pressure: options ``norm`` and ``cmap`` of matplotlib.
 
-    The pressure is negative where bonds pull.
+    Pressures are negative where bonds pull.
+
+    Args:
+        every: pressures in all frames.
     """
     from matplotlib import colormaps
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
@@ -392,7 +395,14 @@ def _look_of_pressure(every: Array) -> dict[str, Any]:
 
 
 def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
-    """Colour the part of the facets around each vertex by the status of the vertex."""
+    """Colour the parts of the facets around each vertex by the status of the vertex.
+
+    Args:
+        axes: axes in which the statuses are drawn.
+        x: positions of the m vertices, shape (m, 2).
+        cells: vertices of the facets.
+        letters: status letters of the vertices, shape (m,).
+    """
     from matplotlib.collections import PolyCollection
 
     loop = around(cells)
@@ -405,12 +415,15 @@ def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.s
 
 
 def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
-    """Project a surface along a coordinate axis, close to the mean normal in contact.
+    """Project a surface along the coordinate axis closest to the mean normal in contact.
 
     Facets that face away, such as the far side of a closed surface, are omitted.
 
+    Args:
+        data: data of the state to draw, see `contact_data`.
+
     Returns:
-        Positions of the vertices, shape (m, 2); vertices of the facets; and labels of both axes.
+        Positions of the m vertices, shape (m, 2); vertices of the facets; and labels of both axes.
     """
     x, cells = data["x"], data["cells"]
     normals = unit(area_vectors(x[cells[:, :3]]))
@@ -425,7 +438,15 @@ def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
 
 
 def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
-    """Draw at most one arrow per square of a grid, and a key with the largest magnitude."""
+    """Draw vectors as arrows, with a key that gives the largest magnitude.
+
+    Args:
+        axes: axes in which the arrows are drawn.
+        x: positions of the m vertices, shape (m, 2).
+        vectors: vectors at the vertices, shape (m, 2).
+        spacing: sides of the cells of a grid; at most one arrow is drawn in each cell.
+        largest: largest magnitude in all frames.
+    """
     size = np.linalg.norm(vectors, axis=1)
     if not largest:
         return
