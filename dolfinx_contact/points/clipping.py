@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Common parts of the facets of two faces, divided into simplices with quadrature points.
 
-The parts are computed in the plane of the slave facet (in 2D, its line), along its normal. Their
-division depends on the facets but not on their numbering, so that points are the same on any number
-of ranks.
+The common part of a slave facet and a master facet is computed in the plane of the slave facet (in
+2D, on its line) after a projection along its normal. It is divided in a way that does not depend on
+the numbering of the facets, so that the quadrature points are the same on any number of ranks.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Faces:
     Attributes:
         x: corners, shape (n, k, dim), in tensor order for quadrilaterals.
         normals: outward unit normals, shape (n, dim).
-        nodes: global nodes of the displacement, shape (n, m), beginning with the corners.
+        nodes: global nodes of the displacement on each facet, shape (n, m), corners first.
     """
 
     x: Array
@@ -72,7 +72,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class QuadratureRule:
-    """Quadrature points on the pieces.
+    """Quadrature points on pieces of facets, the simplices of a `Cover`.
 
     Attributes:
         weights: quadrature weights, shape (pieces, points).
@@ -87,18 +87,20 @@ class QuadratureRule:
 
 @dataclass(frozen=True)
 class Cover:
-    """Covered parts of slave facets, in pieces that are simplices.
+    """Parts of slave facets that master facets cover, divided into pieces that are simplices.
+
+    Coordinates in the plane of a slave facet refer to its centre and unit vectors in the plane.
 
     Attributes:
         slave: slave facets.
-        master: master facets that may oppose some of them.
-        facet: slave facet of each piece.
-        other: master facet of each piece.
+        master: master facets that may oppose some of the slave facets.
+        facet: index of the slave facet of each piece, shape (pieces,).
+        other: index of the master facet of each piece, shape (pieces,).
         pieces: corners of each piece in the plane of its slave facet, shape (pieces, dim, dim - 1).
-        slave_x: k corners of the slave facet of each piece in its plane, shape
+        slave_x: k corners of the slave facet of each piece in the plane of this facet, shape
             (pieces, k, dim - 1).
-        master_x: corners of the master facet of each piece, projected onto that plane, shape
-            (pieces, k, dim - 1).
+        master_x: corners of the master facet of each piece, projected onto the plane of the slave
+            facet, shape (pieces, k, dim - 1).
     """
 
     slave: Faces
@@ -115,7 +117,9 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, NodeWeights]:
-        """Return the point opposite to each slave corner, once per piece with this corner.
+        """Return the points on the master that are opposite to corners of slave facets.
+
+        A corner occurs once for each piece that contains it.
 
         Returns:
             Global slave nodes at the corners, shape (n,); and the k corners of the opposing master
@@ -130,7 +134,9 @@ class Cover:
         return self.slave.nodes[self.facet[piece], corner], NodeWeights(nodes, basis(at, k, 1))
 
     def rule(self, degree: int) -> QuadratureRule:
-        """Return a quadrature rule that is exact for products of bases on parallelograms.
+        """Return a quadrature rule on the pieces.
+
+        On simplices and parallelograms it is exact for products of basis functions of both facets.
 
         Args:
             degree: polynomial degree of the products; on quadrilaterals, degree in each direction.
@@ -152,7 +158,7 @@ def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:
 
 
 def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int = 0) -> Array:
-    """Return values and derivatives of a scalar element at reference coordinates.
+    """Return the basis functions of a scalar element at reference coordinates.
 
     Args:
         element: element with k basis functions.
@@ -170,7 +176,7 @@ def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int 
 
 
 def basis(x: Array, corners: int, degree: int) -> Array:
-    """Return values of the Lagrange basis of a facet.
+    """Return values of the k Lagrange basis functions of a facet, shape (..., k).
 
     Args:
         x: reference coordinates, shape (..., dim - 1).
@@ -181,7 +187,7 @@ def basis(x: Array, corners: int, degree: int) -> Array:
 
 
 class LinearBasis(NamedTuple):
-    """Lagrange basis of degree 1 at given reference coordinates, with k basis functions.
+    """Values and derivatives of the k Lagrange basis functions of degree 1 at given points.
 
     Attributes:
         values: values, shape (..., k).
@@ -193,7 +199,7 @@ class LinearBasis(NamedTuple):
 
 
 def linear_basis(x: Array, corners: int) -> LinearBasis:
-    """Return the Lagrange basis of degree 1 of a facet.
+    """Return values and derivatives of the linear Lagrange basis of a facet.
 
     Args:
         x: reference coordinates, shape (..., dim - 1).
@@ -204,19 +210,25 @@ def linear_basis(x: Array, corners: int) -> LinearBasis:
 
 
 def tangents(corners: Array, slopes: Array) -> Array:
-    """Return derivatives of positions with respect to the reference coordinates.
-
-    Shape (n, q, dim, dim - 1).
+    """Return derivatives of positions on facets with respect to the reference coordinates.
 
     Args:
         corners: corners of facets, shape (n, k, dim).
         slopes: derivatives of the linear basis at q reference points, shape (n, q, k, dim - 1).
+
+    Returns:
+        Derivatives, shape (n, q, dim, dim - 1).
     """
     return corners.transpose(0, 2, 1)[:, None] @ slopes
 
 
 def nodal_points(corners: int, degree: int) -> Array:
-    """Return reference coordinates of the nodes of a basis, shape (nodes, dim - 1)."""
+    """Return reference coordinates of the nodes of a Lagrange facet, shape (nodes, dim - 1).
+
+    Args:
+        corners: number of corners of the facet, 2, 3 or 4.
+        degree: polynomial degree.
+    """
     return _element(corners, degree).points
 
 
@@ -230,19 +242,21 @@ def cover(
     least: float = _LEAST_COVER,
     steep: float = _STEEP,
 ) -> Cover:
-    """Return the covered parts of slave facets. Not collective.
+    """Return the parts of slave facets that master facets cover. Not collective.
 
-    Where several master facets lie above each other, only the nearest ones are used, up to the area
-    of the slave facet. Slave facets that are barely covered are omitted.
+    Where several layers of master facets lie above a slave facet, only the nearest parts are used,
+    until their total area is the area of the slave facet. Slave facets that are barely covered are
+    omitted.
 
     Args:
         slave: slave facets of this rank.
-        master: master facets that may oppose some of them.
+        master: master facets that may oppose some of the slave facets.
         pairs: indices of slave and master facets that may oppose each other, shape (n, 2).
         deepest: largest depth at which a master facet may lie behind a slave facet; a length, or
             one length per slave facet.
         farthest: largest distance at which a master facet may lie in front of a slave facet.
-        least: covered fraction of its area below which a slave facet is omitted.
+        least: smallest fraction of the area of a slave facet that must be covered; other slave
+            facets are omitted.
         steep: cosine of the largest angle between the slave normal and the reversed master normal
             of opposing facets.
     """
@@ -280,7 +294,7 @@ def cover(
 
 
 def _axes(faces: Faces) -> Array:
-    """Return unit vectors in the planes of facets, shape (n, dim, dim - 1)."""
+    """Return orthonormal vectors in the planes of facets, shape (n, dim, dim - 1)."""
     first = unit(tangential(faces.x[:, 1] - faces.x[:, 0], faces.normals))
     if faces.x.shape[2] == 2:
         return first[:, :, None]
@@ -288,10 +302,17 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
-    """Return the nearest pieces of each slave facet, up to the area of the facet.
+    """Return the indices of the nearest pieces of each slave facet.
 
-    Slight overlaps, as between adjacent master bodies whose meshes do not quite fit, do not
-    indicate several layers; then all pieces are returned.
+    Their total area is limited to the area of the slave facet. A slight excess, as between adjacent
+    master bodies whose meshes do not quite fit, does not indicate several layers of master facets;
+    then all pieces are returned.
+
+    Args:
+        facet: slave facet of each piece, shape (pieces,).
+        gap: mean gap of each piece, shape (pieces,).
+        area: area of each piece, shape (pieces,).
+        size: area of each slave facet, shape (n,).
     """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
@@ -305,7 +326,12 @@ def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
 
 
 def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
-    """Return the common parts of pairs of segments.
+    """Return the common part of each pair of segments on a line.
+
+    Args:
+        slave: ends of the slave segments, shape (pairs, 2, 1).
+        master: ends of the projected master segments, shape (pairs, 2, 1).
+        size: lengths of the slave segments, shape (pairs,).
 
     Returns:
         Index of the pair of each part, and ends of the part, shape (parts, 2, 1).
@@ -317,7 +343,12 @@ def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
 
 
 def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
-    """Return the common parts of pairs of polygons, divided into triangles around their centres.
+    """Return the common part of each pair of polygons, divided into triangles around its centre.
+
+    Args:
+        slave: corners of the slave polygons, shape (pairs, k, 2).
+        master: corners of the projected master polygons, shape (pairs, k, 2).
+        size: areas of the slave polygons, shape (pairs,).
 
     Returns:
         Index of the pair of each triangle, and its corners, shape (triangles, 3, 2).
@@ -351,7 +382,7 @@ def _area(x: Array) -> Array:
 def _centre(polygon: Array) -> Array:
     """Return centroids of polygons, shape (n, 2).
 
-    They depend neither on the order nor on the repetition of the corners.
+    They do not depend on the order of the corners, nor on whether corners are repeated.
     """
     first = polygon[:, :1]
     x = polygon - first
@@ -368,7 +399,7 @@ def _anticlockwise(x: Array) -> Array:
 
 
 def _cut(polygon: Array, start: Array, end: Array) -> Array:
-    """Return the parts of convex polygons to the left of lines; see `_kept`.
+    """Return the parts of convex polygons to the left of one line each, in the form of `_kept`.
 
     Args:
         polygon: corners, shape (n, m, 2).
@@ -389,10 +420,17 @@ def _cut(polygon: Array, start: Array, end: Array) -> Array:
 
 
 def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
-    """Return polygons without the corners that are not marked, and their numbers of corners.
+    """Return polygons without their unmarked corners.
 
     The order of the corners is preserved. The last corner is repeated, so that all polygons have
     equally many corners.
+
+    Args:
+        corners: corners, shape (n, m, 2).
+        kept: mask of the corners to be kept, shape (n, m).
+
+    Returns:
+        Corners, and number of distinct corners of each polygon.
     """
     count = kept.sum(axis=1)
     place = np.minimum(np.arange(count.max(initial=3)), np.maximum(count - 1, 0)[:, None])

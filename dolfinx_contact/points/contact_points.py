@@ -6,10 +6,11 @@
 - ``"integral"``: the points are Gauss points of facets, or of the common parts of two faces that do
   not match; P1 or P2 displacement. The conditions hold weakly (`FacetPoints`).
 - ``"mixed"``: the points are the vertices, and the multiplier is continuous and linear on every
-  facet; P1 or P2 displacement. The conditions hold at every vertex for the means of gap and slip
-  with the hat function of the vertex as weight (Hild, Int. J. Appl. Math. Comput. Sci. 12, 2002,
-  section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). B is the inverse of the lumped mass
-  times the integrals of hat functions and displacements (`AveragedPoints`).
+  facet; P1 or P2 displacement. The conditions hold at every vertex for weighted means of gap and
+  slip, whose weight is the hat function of the vertex (Hild, Int. J. Appl. Math. Comput. Sci. 12,
+  2002, section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). The operator B from displacements
+  to jumps is the inverse of the lumped mass matrix times the integrals of hat functions times
+  displacements (`AveragedPoints`).
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Degrees(NamedTuple):
 
 
 class Evaluators(NamedTuple):
-    """Evaluators of the data of a surface, or of their rates.
+    """Evaluators of the data of a surface at its points, or of rates of these data.
 
     Attributes:
         at_points: evaluator at the points.
@@ -92,7 +93,7 @@ class ContactPoints(ABC):
         V: displacement space.
         submesh: mesh of the facets.
         degrees: degrees of displacement and multiplier.
-        rule_degree: quadrature degree of the integral and the mixed method.
+        rule_degree: quadrature degree with ``method="integral"`` or ``"mixed"``.
         given: gap, normal and fields of the law in UFL.
         opposite: opposing points of the nodes; None without another body.
         axisymmetric: whether the body is a body of revolution.
@@ -111,7 +112,7 @@ class ContactPoints(ABC):
         aside: tangential part of the average of g n (gap g, normal n) in the mixed method, shape
             (n, dim).
         space: scalar space with one dof per point; P1 space of the vertices if points lie on
-            common parts of faces.
+            common parts of two faces.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
         trace_nodes: node of the displacement at each local multiplier node.
@@ -197,57 +198,67 @@ class ContactPoints(ABC):
 
     @abstractmethod
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
-        """Set `space`, `number` and `ids`. Collective."""
+        """Choose the points: set `space`, `number` and `ids`. Collective."""
 
     @abstractmethod
     def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
-        """Set `areas` and return the geometry. Collective."""
+        """Set the areas of the points, and return the areas of the vertices. Collective."""
 
     @abstractmethod
     def _jumps(self, opposite: Opposite | None) -> Stencils:
-        """Return the stencils of the jumps at the points. Collective."""
+        """Return the weights of the nodes in the jumps at the points. Collective."""
 
     @abstractmethod
     def from_vertices(self, values: Array) -> Array:
-        """Return values at the points, shape (n,), interpolated from the local vertices."""
+        """Return values interpolated from the local vertices to the points, shape (n,)."""
 
     @abstractmethod
     def at_vertices(self, values: Array) -> Array:
-        """Return means of point values around the local vertices, ghosts included. Collective.
+        """Return means of values at the points around each local vertex, ghosts included.
 
-        If the points are the vertices, their own values are returned.
+        If the points are the vertices, their own values are returned. Collective.
         """
 
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return data at the local vertices computed from data at the local points. Collective."""
+        """Return gap, normal and fields at the local vertices. Collective.
+
+        Args:
+            values: gap, normal and fields at the local points, which are returned if the points are
+                the vertices.
+        """
 
     @abstractmethod
     def _give(self, given: Mask, idle: Mask) -> Mask:
-        """Distribute basis functions of vertices to their neighbours; see `give`. Collective."""
+        """Distribute basis functions as described in `give`. Collective."""
 
     @abstractmethod
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
-        """Return an evaluator of UFL on the body at the points."""
+        """Return an evaluator of UFL expressions on the body at the points."""
 
     # -- data ------------------------------------------------------------------------------------
 
     @property
     def cells(self) -> Indices:
-        """Cells of the submesh owned by this rank that have points."""
+        """Cells of the facet mesh that are owned by this rank and contain points."""
         if self._gauss is None:
             return np.arange(len(self.facets.corners), dtype=np.int32)
         return np.unique(self._gauss.cells)
 
     def evaluators(self, given: Given, offset: Any) -> Evaluators:
-        """Return evaluators of ``given`` and of ``offset``, the product of gap and normal."""
+        """Return evaluators of the data at the points, and of averages with ``method="mixed"``.
+
+        Args:
+            given: gap, normal and fields of the law in UFL, or their rates.
+            offset: product of gap and normal in UFL, or its rate, which the mixed method averages.
+        """
         expressions = {"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points}
         return Evaluators(self.evaluator(expressions))
 
     def vertex_evaluator(self, expressions: Mapping[str, Any]) -> PointEvaluator:
-        """Return an evaluator of UFL on the body at the local vertices, by the vertex rule.
+        """Return an evaluator of UFL expressions on the body at the local vertices.
 
-        The rule also gives the values on the axis of a body of revolution.
+        It uses the vertex rule, which also gives the values on the axis of a body of revolution.
         """
         return PointEvaluator(self.vertices, self._at_nodes, expressions, self._maps)
 
@@ -270,9 +281,10 @@ class ContactPoints(ABC):
 
     @property
     def choices(self) -> list[float]:
-        """Largest overlap removed by `remove_overlap`, rounded to 6 digits, as a list. Collective.
+        """Largest overlap removed by `remove_overlap`, as a list; empty if none was removed.
 
-        Empty if none was removed. Records compare it to detect another discretisation.
+        It is rounded to 6 digits. Records of results compare it to detect a different
+        discretisation. Collective.
         """
         if self.removed_overlap is None:
             return []
@@ -280,7 +292,7 @@ class ContactPoints(ABC):
         return [float(f"{maximum(self.comm, self.removed_overlap.x.array):.6g}")]
 
     def update(self) -> None:
-        """Evaluate the data. Collective."""
+        """Evaluate the data at the points again, with their current values. Collective."""
         values = self._evaluators.at_points()
         at_vertices = self._given_at_vertices(values)
         self.vertex_gaps = at_vertices["gap"]
@@ -300,11 +312,11 @@ class ContactPoints(ABC):
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
     def own(self, evaluate: Evaluator) -> dict[str, Array]:
-        """Return values of an evaluator at the points of this rank, without ghosts. Collective."""
+        """Return values of an evaluator at the owned points, by name. Collective."""
         return {name: v[: self.number] for name, v in evaluate().items()}
 
     def rates(self, evaluators: Evaluators) -> tuple[PointData, Array]:
-        """Return the rates of `data` and of `aside`. Collective.
+        """Return the rates of the data of the law and of `aside` at the points. Collective.
 
         Args:
             evaluators: evaluators of the rates of gap, normal and fields of the law.
@@ -322,19 +334,23 @@ class ContactPoints(ABC):
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
-        """Return averages of the offset g n around the points; None if none are taken. Collective.
+        """Return averages around the points of the product of gap and normal.
+
+        None if the method takes no averages. Collective.
 
         Args:
-            average: evaluator of the offset g n in the mixed method; None in the other methods.
-            offset: offset g n at the points, or its rate, shape (n, dim).
+            average: evaluator of the product, or of its rate, in the mixed method; None in the
+                other methods.
+            offset: product at the points, or its rate, shape (n, dim).
             normal: normals, or their rates, shape (n, dim).
         """
         return None if self._shared is None else multiplied(self._shared, offset)
 
     def outward(self, u: Array) -> Array:
-        """Return outward unit normals of the face at the points, shape (n, dim). Collective.
+        """Return outward unit normals of the displaced face at the points, shape (n, dim).
 
-        They are means of the area vectors around the vertices.
+        They are interpolated from the vertices, where they have the direction of the sum of the
+        area vectors of the surrounding facets. Collective.
 
         Args:
             u: displacement of the local nodes, shape (nodes, dim).
@@ -345,17 +361,24 @@ class ContactPoints(ABC):
         return unit(np.stack([self.from_vertices(v) for v in at_vertices.T], axis=1))
 
     def set_augmentation(self, r: Array) -> None:
-        """Set the augmentation parameter r at the local vertices."""
+        """Set the augmentation parameter of the law.
+
+        Args:
+            r: parameter at the local vertices, a stiffness per area, shape (vertices,).
+        """
         self.r = np.asarray(r, dtype=np.float64).copy()
         self.data = replace(self.data, r=self.from_vertices(self.r))
 
     @property
     def mean_augmentation(self) -> float:
-        """Mean augmentation parameter of the vertices, a stiffness per area. Collective."""
+        """Mean augmentation parameter of the vertices, as stiffness per area. Collective."""
         return self.geometry.mean(self.r)
 
     def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
-        """Return Gauss points of the face, on common parts if faces do not match. Collective."""
+        """Return Gauss points of the face, or of the common parts of two faces that do not match.
+
+        Collective.
+        """
         given = self._V, self.submesh, self.vertices, rule_degree, self._maps, self._weight
         if opposite is None or opposite.common is None:
             return GaussPoints(*given)
@@ -366,7 +389,7 @@ class ContactPoints(ABC):
     def _geometry(
         self, opposite: Opposite | None, sections: Array, averaged: Array | None = None
     ) -> SurfaceGeometry:
-        """Return the geometry of the local vertices. Collective.
+        """Return areas of the local vertices and sizes of the facets. Collective.
 
         Args:
             opposite: opposing points of the nodes.
@@ -383,34 +406,37 @@ class ContactPoints(ABC):
         return SurfaceGeometry(self.vertices, areas, areas / sections, self._swept, covered)
 
     def _swept(self) -> Array:
-        """Return the exact swept areas of local vertices of a body of revolution. Collective."""
+        """Return exact areas that the local vertices of a body of revolution sweep. Collective."""
         ds = measure_of(self._V.mesh, self.submesh.parent_facets, self._exact_degree)
         return PointEvaluator(self.vertices, ds, {}, self._maps, self._weight).areas
 
     # -- operators -------------------------------------------------------------------------------
 
     def traction(self, multipliers: Array) -> Array:
-        """Return the tractions E l of owned multipliers l at the points. Collective.
+        """Return the tractions at the points, shape (n, dim). Collective.
 
-        Shape (n, dim).
+        Args:
+            multipliers: owned values of the multiplier, in units of stress.
         """
         if self.E is None:
             return multipliers.reshape(-1, self.dim).copy()
         return product(self.E, multipliers.reshape(-1)).reshape(-1, self.dim)
 
     def rows(self, values: Array) -> Array:
-        """Return the owned contact rows E^T W v of values v at the points. Collective.
+        """Return the integrals of the multiplier basis times values at the points. Collective.
+
+        The result contains one entry per owned multiplier dof.
 
         Args:
-            values: values v, shape (n, dim).
+            values: values at the points, shape (n, dim).
         """
         weighted = self.areas[:, None] * values
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
-        """Distribute basis functions of vertices to the vertices around them, once. Collective.
+        """Add the basis functions of given vertices to those of surrounding vertices. Collective.
 
-        See `shared_functions`.
+        Call it only once; see `shared_functions`.
 
         Args:
             given: mask of the local vertices whose basis function is distributed, ghosts included.
@@ -423,11 +449,20 @@ class ContactPoints(ABC):
         return self._give(given, idle) if any_rank(self.comm, given) else given
 
     def _set_operators(self, opposite: Opposite | None) -> None:
-        """Set the operators of points and opposing points. Collective."""
+        """Set the operators from displacements to jumps and from multipliers to tractions.
+
+        Collective.
+
+        Args:
+            opposite: opposing points of the nodes; None without another body.
+        """
         self._connect(self._jumps(opposite))
 
     def _connect(self, stencils: Stencils) -> None:
-        """Set B and E. Collective."""
+        """Set both operators (`operator`, `E`) from weights of the nodes at the points.
+
+        Collective.
+        """
         self._weights = stencils
         B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)
         self.operator = ConstantOperator(stencils, self.areas, B)
@@ -436,14 +471,14 @@ class ContactPoints(ABC):
             self.E = stencils.traction_matrix(self.comm, nodes, self.dim)
 
     def _reconnect(self, stencils: Stencils) -> None:
-        """Replace B and E. Collective."""
+        """Replace both operators (`operator`, `E`) by those with other weights. Collective."""
         assert isinstance(self.operator, ConstantOperator)
         destroy(self.operator.B, self.E)
         self._connect(stencils)
 
 
 class NodePoints(ContactPoints):
-    """Mesh nodes of a surface with the vertex rule."""
+    """Contact points with ``method="nodal"``: mesh nodes of a surface, with the vertex rule."""
 
     method: ClassVar[ContactMethod] = "nodal"
 
@@ -474,7 +509,7 @@ class NodePoints(ContactPoints):
         return here if opposite is None else here.minus(self._each_alone(opposite.at(nodes)))
 
     def _each_alone(self, rows: NodeWeights) -> Stencils:
-        """Return the stencils of points that are multiplier nodes, one group per point.
+        """Return stencils with one group per point; each point is a multiplier node.
 
         Args:
             rows: nodes and weights of the jump at each point.
@@ -503,9 +538,9 @@ class NodePoints(ContactPoints):
 
 
 class AveragedPoints(NodePoints):
-    """Vertices in the mixed method, at which jumps and gaps are weighted means.
+    """Contact points with ``method="mixed"``: vertices with weighted means of jumps and gaps.
 
-    The weights are the hat functions of the multiplier, integrated over the surface by Gauss
+    The weights are the hat functions of the multiplier, integrated over the surface with Gauss
     points.
     """
 
@@ -555,7 +590,10 @@ class AveragedPoints(NodePoints):
 
 
 class FacetPoints(ContactPoints):
-    """Gauss points of facets, or of the common parts of two faces that do not match."""
+    """Contact points with ``method="integral"``: Gauss points of the facets.
+
+    If two faces do not match, they are Gauss points of the common parts of their facets.
+    """
 
     method: ClassVar[ContactMethod] = "integral"
     _gauss: GaussPoints

@@ -83,7 +83,11 @@ _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that count
 
 
 def displacement_degree(u: Any) -> int:
-    """Return the degree of a vector Lagrange displacement, or raise ``ValueError``."""
+    """Return the degree of a displacement.
+
+    Raises:
+        ValueError: if the argument is not a supported vector Lagrange Function.
+    """
     domain = instance(u, "the displacement", fem.Function).function_space.mesh
     if len(u.function_space.component()):
         raise ValueError(
@@ -109,9 +113,9 @@ def displacement_degree(u: Any) -> int:
 
 
 def _check_common(a: Arguments) -> int:
-    """Validate the arguments of all descriptions and return the degree of the displacement.
+    """Validate the arguments common to all descriptions, and return the displacement degree.
 
-    Numbers in the law become Constants of the mesh.
+    Numbers in the law are replaced by Constants of the mesh.
     """
     degree = displacement_degree(a.u)
     word_in_history(a.name, "the name of a contact surface")
@@ -121,10 +125,13 @@ def _check_common(a: Arguments) -> int:
 
 
 def _check_elements(a: Arguments, degree: int) -> None:
-    """Set the default method; raise ``ValueError`` if it does not support the degrees.
+    """Set the default method and quadrature degree of a description.
 
-    The quadrature must integrate multiplier times displacement exactly on flat facets, otherwise
-    the stability is lost. In bodies of revolution the weight 2 pi r requires one more degree.
+    The quadrature must integrate products of multiplier and displacement exactly on flat facets;
+    otherwise stability is lost. In bodies of revolution the weight 2 pi r requires one more degree.
+
+    Raises:
+        ValueError: if the method does not support the degrees of displacement and multiplier.
     """
     one_of(a.sliding, f"{a.name}: sliding", ("small", "large", None))
     flag(a.axisymmetric, f"{a.name}: axisymmetric")
@@ -151,7 +158,7 @@ class Overlap:
     """Treatment of bodies that overlap in the mesh.
 
     Attributes:
-        most: largest overlap that is allowed in addition to round-off, a length.
+        most: largest overlap that is allowed; 0 if only inaccuracies of the mesh are allowed.
         removed: whether the overlap is subtracted from the gaps, so that the bodies start without
             stress; otherwise it is a press fit.
     """
@@ -161,12 +168,16 @@ class Overlap:
 
     @property
     def presses(self) -> bool:
-        """Whether an overlap is a press fit, i.e. causes contact pressure."""
+        """Whether an overlap in the mesh presses the bodies together (press fit)."""
         return self.most > 0.0 and not self.removed
 
     @classmethod
     def of(cls, contact: Any) -> Overlap:
-        """Return the treatment of overlaps that a description requests, or raise ``ValueError``."""
+        """Return the treatment of overlaps that a description requests.
+
+        Raises:
+            ValueError: if its arguments ``interference`` and ``remove_overlap`` are invalid.
+        """
         name, given, removed = contact.name, contact.interference, contact.remove_overlap
         if given is None:  # a rigid obstacle pushes out, and a removed overlap is not
             most = np.inf if removed is None else 0.0
@@ -183,7 +194,11 @@ class Overlap:
         return cls(positive(removed, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
-        """Return whether the smallest gap is negative by more than the allowed overlap."""
+        """Return whether a gap is an overlap larger than allowed.
+
+        Args:
+            gap: smallest gap, negative for an overlap.
+        """
         return not gap >= -self.most * (1.0 + _ROUND_OFF)
 
     def require(self, comm: MPI.Comm, gaps: Array, allowed: float, name: str, unless: str) -> None:
@@ -192,7 +207,7 @@ class Overlap:
         Args:
             comm: communicator.
             gaps: gaps on this rank, lengths.
-            allowed: overlap attributed to round-off, a length.
+            allowed: overlap that is allowed in any case, because the mesh is not exact; a length.
             name: name of the surface.
             unless: further remedies, for the message.
         """
@@ -251,7 +266,10 @@ def _check_pair(a: Arguments) -> None:
 
 
 def _check_sliding(a: Arguments, degree: int, what: str) -> None:
-    """Raise ``ValueError`` for elements, laws or a search distance that large sliding excludes."""
+    """Raise ``ValueError`` for arguments that large sliding does not support.
+
+    These are the elements, the law and the search distance.
+    """
     cells = a.u.function_space.mesh.ufl_domain().ufl_coordinate_element()
     if (degree, getattr(a, "multiplier_degree", 1), cells.degree) != (1, 1, 1):
         raise ValueError(
@@ -274,7 +292,11 @@ def _unit(value: Any, dim: int, name: str) -> Array:
 
 
 def _planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
-    """Return planes of symmetry by axis, or raise ``ValueError``. Not collective."""
+    """Return the positions of planes of symmetry by axis. Not collective.
+
+    Raises:
+        ValueError: if the argument is not a dictionary of axes and positions.
+    """
     if symmetry is None:
         return {}
     instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
@@ -303,7 +325,7 @@ def _check_self(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Return descriptions of the arguments that cannot be compared directly between ranks."""
+    """Return descriptions of the arguments whose equality on all ranks is checked by text."""
     domain = a.u.function_space.mesh
     fields = [f"{k} {described(e, domain)}" for k, e in a.law.given.items()]
     return {
@@ -337,7 +359,13 @@ def _described(contact: Contact) -> str:
 def _declared(
     what: str, check: Callable[[Arguments], Any], local: Collection[str]
 ) -> Callable[[type[T]], type[T]]:
-    """Return a class decorator that validates the arguments collectively; see `collective`."""
+    """Return a decorator for descriptions that validates their arguments collectively.
+
+    Args:
+        what: name of the description, for messages.
+        check: function that validates the arguments.
+        local: names of arguments that may differ between ranks.
+    """
 
     def decorate(cls: type[T]) -> type[T]:
         validated = collective(what, check, compare=_compared, local=local)
@@ -357,8 +385,7 @@ class ContactSurface:
     """A part of the boundary that may touch a rigid obstacle.
 
     Numbers in the law become Constants in `law`. The values of Constants and Functions in the law
-    and the obstacle may be changed between two solves; use Constants for an obstacle that is to
-    move.
+    and the obstacle may be changed between two solves. To move an obstacle, define it by Constants.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
@@ -372,15 +399,15 @@ class ContactSurface:
             a curved obstacle (``sliding``), and for multipliers of degree 2.
         multiplier_degree: degree of the multiplier, 1 or 2; 1 is stable for both displacement
             degrees.
-        quadrature_degree: quadrature degree of the integral and the mixed method; default: twice
-            the degree of the displacement.
+        quadrature_degree: quadrature degree with ``method="integral"`` or ``"mixed"``; default:
+            twice the degree of the displacement.
         sliding: ``"large"`` evaluates gap and normal of a curved obstacle at the displaced points
             and slips along its surface, ``"small"`` evaluates them in the reference configuration
             (`points.displaced`). Default: large for bodies that are not linear, unless the obstacle
             is a rigid body that rotates.
-        interference: whether contact points may start inside the obstacle, from where they are
-            pushed out, or the largest allowed depth, a length. If it is False, an overlap of 5 % of
-            a facet or more is an error. Default: allowed, with a warning (indicator `overlap`) if
+        interference: whether contact points may start inside the obstacle, or the largest allowed
+            depth, a length. Contact pushes such points out. If it is False, an overlap of more than
+            5 % of a facet is an error. Default: allowed, with a warning (indicator `overlap`) if
             the depth exceeds 5 % of the smallest extent of the body.
         remove_overlap: length; an initial overlap up to this value is permanently subtracted from
             the gap, so that the points touch the obstacle at the start, without stress. A larger
@@ -430,24 +457,25 @@ class ContactPair:
     """Two faces of one mesh that may touch each other.
 
     The mesh has several parts, or a crack (`meshing.crack`). Contact points, multiplier and all
-    results belong to the *slave*: n points from it to the master, tractions and forces act on it,
-    ``un`` and ``ut`` are the gap and the slip of the slave relative to the master. The slave should
-    be the finer face and must not be clamped everywhere; of two similar faces choose the smaller,
-    softer or more curved one, so that every point of it keeps an opposing point (the wheel, not the
-    rail).
+    results belong to the *slave*: the normal n points from the slave to the master, tractions and
+    forces act on the slave, and ``un`` and ``ut`` are the gap and the slip of the slave relative to
+    the master. The slave should be the finer face and must not be clamped everywhere. Of two
+    similar faces choose the smaller, softer or more curved one, so that each of its points keeps an
+    opposing point (the wheel, not the rail).
 
     Faces *match* if every node of the slave has a node of the master opposite to it, at the same
     position or across a gap along the normal. At the end of a crack slave and master share nodes,
-    which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, in the
-    integral and the mixed method, by Gauss points of the common parts of slave and master facets.
-    Nodes of the slave without an opposing point carry no contact. A facet counts with its covered
-    part; facets covered by less than 5 % are dropped.
+    which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, with
+    ``method="integral"`` or ``"mixed"``, by Gauss points of the common parts of slave and master
+    facets. Nodes of the slave without an opposing point carry no contact. Only the part of a slave
+    facet that the master covers is integrated; facets covered by less than 5 % are ignored.
 
     Pairs may meet, for example at crossing cracks or joints between blocks. Where the jumps around
-    such a crossing depend on each other (`points.shared_functions`), the crossing carries no
-    contact of its own (status d): its neighbours along each arm carry its share, so that uniform
-    tractions are transmitted. Each arm needs two facets between a crossing and its end or the next
-    crossing, multipliers of degree 1, and matching faces.
+    such a crossing are linearly dependent (`points.shared_functions`), the nodes of the crossing
+    have no multiplier (status d). The neighbouring nodes on each arm of the crossing carry their
+    share of the traction, so that uniform tractions are transmitted. Each arm needs two facets
+    between a crossing and its end or the next crossing, multipliers of degree 1, and matching
+    faces.
 
     **Small sliding** (default): a point keeps its opposing point along the reference normal. A
     solve measures the resulting error and warns if it is not small.
@@ -457,16 +485,16 @@ class ContactPair:
     (`points.sliding_kinematics`). Slips are increments since the last accepted state of an
     evolution along the surface at that time; under the static law they count from the mesh, so that
     long slips need a history with steps of at most one master facet. Faces need not match and must
-    not share nodes. Nodes with nothing within ``search_distance`` are open, and their gap is NaN in
-    tables. Where a node is barely covered, its traction is partly the mean of its neighbours, so
-    that gap and shear in a table need not satisfy the law there. The soft body should be the slave.
-    The master face should continue around the edges of a tool; a slave face has one normal per node
-    and must not have edges. Tractions are nominal, per area of the mesh.
+    not share nodes. Nodes without a master facet within ``search_distance`` are open, and their gap
+    is NaN in tables. Where a node is barely covered, its traction is partly the mean of its
+    neighbours, so that gap and shear in a table need not satisfy the law there. The soft body
+    should be the slave. The master face should continue around the edges of a tool; a slave face
+    has one normal per node and must not have edges. Tractions are nominal, per area of the mesh.
 
     Large sliding is limited to degree 1 and straight cells, and supports no given gap, surface or
     normal, no laws with bonds, no nonlocal or Tresca friction, and no friction for bodies of
     revolution. Velocities of motions (`NSCD`), reduced problems, proofs and classical algorithms
-    need a constant operator B and refuse it.
+    do not support it, because they require jumps that are linear in the displacement.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -476,8 +504,8 @@ class ContactPair:
         master: tag or name of the master.
         master_facets: local indices of the master facets if the slave facets are given by
             indices.
-        gap: initial gap, a UFL scalar or a number; default: gap of the geometry. It must never be
-            negative, or below the amount that ``interference`` allows.
+        gap: initial gap, a UFL scalar or a number; default: gap of the geometry. It must not be
+            negative, unless ``interference`` allows an overlap of this size.
         surface: true shape of the master, an obstacle, if its facets are chords of a curve; gap and
             normal at the slave nodes are then exact.
         normal: direction from the slave to the master, shape (dim,), along which faces oppose each
@@ -539,9 +567,10 @@ class SelfContact:
     along ``direction`` in the mesh is the slave, so that each contact is counted once. Choose the
     direction such that parts that will touch are apart along it: for a ring that is pressed flat
     from above, the default makes its upper half the slave. A facet does not oppose itself, facets
-    that share a node with it, facets that face the same way, and facets behind it through the body.
-    Where the body is thinner than ``search_distance``, the initial overlap must be less than half
-    its thickness T, or less than (d + T)/2 at facets starting at a depth d inside the body.
+    that share a node with it, facets that face the same way, and facets on the far side of the same
+    body part, behind it. Where the body is thinner than ``search_distance``, an overlap must be
+    less than half the thickness T of the body, or less than (d + T)/2 at facets that start at a
+    depth d inside the body.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Curved obstacles in large displacement: gap, normal and slip at the displaced contact points.
+"""Curved obstacles in large displacement: gap, normal and slip at the displaced contact points.
 
-A contact point X with the displacement d relative to the obstacle is at x = X + d. There the
-obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact Mechanics, 2006,
-section 4.1). With the slip s since the last accepted state, the law receives a zero gap and the
-jump
+A contact point at the reference position X with the displacement d relative to the obstacle is at x
+= X + d. There the obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact
+Mechanics, 2006, section 4.1). With the slip s since the last accepted state, the law receives a
+zero gap and the jump
 
     j = -g n + s.
 
-The slip follows the surface between the two points of it that are opposite to x now and were
-opposite to x_o at the last accepted state, or in the reference configuration without memory,
+Let x_o be the position of the contact point at the last accepted state, or X without memory. The
+slip is measured along the surface of the obstacle from the point y_o opposite to x_o to the point y
+opposite to x,
 
     y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o).
 
@@ -17,10 +18,11 @@ It rotates with the normal, but not about it: where a face spins about the norma
 chord of the step, and the angle is the indicator `spin`. Points that remain at the same material
 point of the obstacle do not slip. For a law without friction, the slip is (I - n n^T) d.
 
-With two normals o and n at an angle theta, the arc of constant curvature between y_o and y is
-longer than its chord c by theta/2 / sin(theta/2). Its tangents make half that angle with the chord,
-in the plane of both normals; components perpendicular to this plane are not rotated. The slip along
-the surface, rotated into the tangent plane at y by the smallest rotation from o to n, is therefore
+Let o and n be the normals at y_o and y, and theta the angle between them. An arc of constant
+curvature from y_o to y is longer than its chord c by the factor (theta/2) / sin(theta/2). Its
+tangents at both ends make the angle theta/2 with the chord, in the plane of both normals;
+components of c perpendicular to this plane are not rotated. The slip along the surface, rotated
+into the tangent plane at y by the smallest rotation from o to n, is therefore
 
     s = P c - (A c.(n - o) + D c.(n + o)) P o,    c = y - y_o,    P = I - n n^T,
     A = (a - C)/(4 C q),    D = 1/(4 C^2),    q = sin^2(theta/2),    C = cos(theta/2),
@@ -34,9 +36,9 @@ X_0, of any angle,
 
     x = X_0 + Q^T (X + u - X_0 - d_0),
 
-so that points sticking to a rotating body do not slip; jumps and normals are rotated by Q for the
-law. Moving an obstacle by Constants changes its shape and position but not its material points:
-both y and y_o are computed for its current position, and its tangential motion causes no slip.
+where u is the displacement of the contact point, so that points sticking to a rotating body do not
+slip; jumps and normals are rotated by Q for the law. If an obstacle is moved through its Constants,
+both y and y_o are computed for its current position, so that its tangential motion causes no slip.
 
 Derivatives of gap, normal and slip with respect to x are exact.
 
@@ -90,9 +92,10 @@ _SERIES = (2 / 3, 1 / 5, 3 / 28, 5 / 72, 35 / 704)
 def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
     """Return whether gap and normal of an obstacle are evaluated at displaced points.
 
-    Planes are always evaluated at reference points, where the gap is exact; so are opposing faces.
-    Linear bodies, rotating rigid bodies, whose motions are then small, and obstacles that are
-    defined in the reference configuration only are evaluated there by default.
+    They are evaluated at reference points for planes, whose gap is exact there, and for faces of
+    pairs. By default they are also evaluated at reference points for linear bodies, for rigid
+    bodies that may rotate (rotations are then assumed to be small), and for obstacles that are
+    defined only in the reference configuration.
 
     Args:
         obstacle: obstacle of the surface.
@@ -114,7 +117,7 @@ def displaced_points(
     law: LawAtPoints,
     name: str,
 ) -> DisplacedPoints:
-    """Return gap, normal and slip at displaced points of a curved obstacle. Collective.
+    """Return the evaluator of gap, normal and slip at displaced contact points. Collective.
 
     Args:
         points: contact points.
@@ -154,22 +157,22 @@ def displaced_points(
 
 
 class DisplacedPoints:
-    """Gap, normal and slip at displaced contact points. Collective, like all its methods.
+    """Gap, normal and slip at displaced contact points. All methods are collective.
 
     Displacements, gaps and normals are in the frame of the obstacle.
 
     Args:
         points: nodes or Gauss points.
         domain: mesh of the body.
-        obstacle: obstacle that is known at displaced points (`obstacles.Obstacle.at`).
-        friction: whether slips are counted from the last accepted state.
+        obstacle: obstacle that can be evaluated at displaced points (`obstacles.Obstacle.at`).
+        friction: whether slips are measured from the last accepted state.
 
     Attributes:
-        friction: whether slips are counted from the last accepted state.
-        ended: whether the obstacle has a rim, beyond which a face loses contact gradually.
+        friction: whether slips are measured from the last accepted state.
+        ended: whether the obstacle ends at a rim, beyond which a face loses contact gradually.
         given: gap and normal at the displaced points in UFL, and the fields of the law in the
             reference configuration.
-        seen: jump j in UFL.
+        seen: jump passed to the law, in UFL.
     """
 
     def __init__(
@@ -206,15 +209,18 @@ class DisplacedPoints:
         self._no_gap = _ROUND_OFF * maximum(points.comm, np.abs(points.positions))
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
-        """Return the obstacle with its gap beyond the rim, which depends on a removed overlap."""
+        """Return the shape of the obstacle, continued beyond its rim if it has one.
+
+        The gap beyond the rim depends on the removed overlap.
+        """
         return self._whole.ended(lambda: (self._points.geometry.facet_widths, _removed(removed)))
 
     def starts(self, most: float) -> tuple[Array, Array]:
-        """Return gaps of the undeformed body on an obstacle with a rim. Collective.
+        """Return gaps of the undeformed body on an obstacle that ends at a rim. Collective.
 
-        If an overlap is removed, a point beyond the rim and below it has a negative gap, its height
-        over the rim, like the adjacent part of the face. A point that has left the obstacle has
-        this gap only if the face is turned towards the obstacle.
+        If overlaps are removed, a point beyond the rim and at most ``most`` below it has a negative
+        gap, its height above the rim, like the adjacent part of the face. A point that has left the
+        obstacle has this gap only if the face is turned towards the obstacle.
 
         Args:
             most: largest removed overlap; 0 for none.
@@ -232,7 +238,7 @@ class DisplacedPoints:
     def _started(
         self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
     ) -> Array:
-        """Return gaps after removing overlaps; see `starts`.
+        """Return gaps at given positions of the undeformed face, as described in `starts`.
 
         Args:
             x: positions, shape (n, dim).
@@ -248,9 +254,11 @@ class DisplacedPoints:
         return gap if taken is None else gap + taken.x.array[: len(x)]
 
     def _place(self, place: Array, before: Array | None) -> None:
-        """Set the displacements of the points now and at the last accepted state.
+        """Set the displacements of the points.
 
-        Both have shape (n, dim).
+        Args:
+            place: current displacements, shape (n, dim).
+            before: displacements at the last accepted state, shape (n, dim); None for zero.
         """
         there = np.zeros_like(place) if before is None else before
         for f, values in ((self._moved, place), (self._moved_before, there)):
@@ -264,13 +272,14 @@ class DisplacedPoints:
         frame: Array | None,
         memory: Memory | None,
     ) -> Kinematics:
-        """Return jumps and data of the law at displaced points, without the memory of the law.
+        """Return jumps, and data of the law without its memory, at displaced points.
 
         Args:
-            operator: B.
+            operator: operator B from displacements to jumps.
             place: displacements of the points, shape (n, dim).
-            motion: motion of the rigid body with which the frame turns; None if it does not turn.
-            frame: rotation Q, shape (dim, dim); None for the identity.
+            motion: motion of the rigid body with which the frame rotates; None if it does not
+                rotate.
+            frame: rotation of the frame, shape (dim, dim); None for the identity.
             memory: memory at the last accepted state.
         """
         self._place(place, None if memory is None else memory.place)
@@ -297,13 +306,16 @@ class DisplacedPoints:
     def rates(
         self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array]:
-        """Return rates of the data of the law, and of the jump at fixed points, shape (n, dim).
+        """Return rates of the data of the law, and of the jumps at fixed displacements.
 
         Args:
             evaluate: evaluator of rates, including ``seen``, the rate of the jump.
             place: displacements of the points, shape (n, dim).
             memory: memory at the last accepted state.
-            frame: rotation Q, shape (dim, dim); None for the identity.
+            frame: rotation of the frame, shape (dim, dim); None for the identity.
+
+        Returns:
+            Rates of the data, and rates of the jumps, shape (n, dim).
         """
         self._place(place, None if memory is None else memory.place)
         values = self._points.own(evaluate)
@@ -345,12 +357,14 @@ class DisplacedPoints:
 
 
 def _removed(overlap: fem.Function | None) -> Any:
-    """Return a removed overlap in UFL."""
+    """Return a removed overlap as a UFL expression, 0 if none was removed."""
     return ufl.as_ufl(0.0) if overlap is None else overlap
 
 
 class TrueGaps:
-    """Distances of displaced contact points to the obstacle, compiled at first use.
+    """Function that returns the distances of displaced contact points from the obstacle.
+
+    It is compiled when it is first called.
 
     Args:
         u: displacement of the body.
@@ -372,8 +386,8 @@ class TrueGaps:
     def __call__(self) -> Array | None:
         """Return distances of the points of this rank from the obstacle, shape (n,). Collective.
 
-        Distances are negative inside the obstacle. The result is None if the obstacle is known only
-        in the reference configuration.
+        Distances are negative inside the obstacle. The result is None if the obstacle is defined
+        only in the reference configuration.
         """
         if not known_displaced(self._shape):
             return None
@@ -393,12 +407,14 @@ class TrueGaps:
 
 
 def _slip_along(way: Any, before: Any, normal: Any) -> Any:
-    """Return the slip s in UFL, a vector perpendicular to the present normal.
+    """Return the slip along the surface of an obstacle in UFL (module docstring).
+
+    It is a vector perpendicular to the current normal.
 
     Args:
-        way: chord c from the earlier to the present opposing point.
-        before: unit normal o at the earlier opposing point.
-        normal: unit normal n at the present opposing point.
+        way: chord from the earlier to the current opposing point.
+        before: unit normal at the earlier opposing point.
+        normal: unit normal at the current opposing point.
     """
     turned = normal - before
     both = normal + before

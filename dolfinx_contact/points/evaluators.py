@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Data of a contact surface in UFL, and their values at the contact points.
+"""Evaluators of data in UFL at the contact points of a surface.
 
-At points that belong to no quadrature rule, coordinates, Functions and Constants in the expressions
-are replaced by their values (`ScatteredEvaluator`).
+`PointEvaluator` evaluates expressions by integrals over the facets. For points that belong to no
+quadrature rule, `ScatteredEvaluator` replaces coordinates, Functions and Constants in the
+expressions by their values.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ __all__ = [
 
 
 class _Columns:
-    """Components of UFL expressions as columns of an array.
+    """Arrangement of the components of several UFL expressions as columns of one array.
 
     Args:
         expressions: UFL scalars, vectors and tensors by name.
-        first: UFL scalar of the first column.
+        first: UFL scalar of the first column, in front of the components.
     """
 
     def __init__(self, expressions: Mapping[str, Any], first: Any):
@@ -79,16 +80,17 @@ class _Columns:
 
 
 class PointEvaluator:
-    """Values of UFL expressions at the points of a space on a facet submesh.
+    """Evaluator of UFL expressions at the points of a space on a facet submesh.
 
-    The value at a point is the integral of the expression against the basis function of the point
-    divided by the integral of the basis function: exact for Gauss points, and for nodes at which
-    the expression has one value (otherwise the area-weighted mean of the adjacent facets). All
-    expressions are in one form, compiled once.
+    The value at a point is the integral of the expression times the basis function of the point,
+    divided by the integral of the basis function. It is exact at Gauss points, and at nodes where
+    the expression is continuous; at other nodes it is the area-weighted mean over the adjacent
+    facets. All expressions are compiled once in a single form.
 
     Args:
         W: scalar space with one dof per point: Lagrange of degree 1 or a quadrature element.
-        ds: measure of the surface. Values are local if ``W`` has the same quadrature points.
+        ds: measure of the surface, whose quadrature points should be the points of ``W``; otherwise
+            values are averages.
         expressions: UFL scalars and vectors by name; may contain Functions of the body.
         maps: entity maps of the submesh.
         weight: UFL weight of all integrals; None for 1.
@@ -134,7 +136,10 @@ class PointEvaluator:
         return b.array.reshape(-1, self._width)
 
     def __call__(self) -> dict[str, Array]:
-        """Return an array per expression over the local points, ghosts included. Collective."""
+        """Return one array of values per expression at the local points, ghosts included.
+
+        Collective.
+        """
         if self._measured:
             places = self._places_of()
             for i, (m, f) in enumerate(self._measured):
@@ -145,17 +150,24 @@ class PointEvaluator:
 def measure_of(
     domain: mesh.Mesh, facets: Indices, degree: int, rule: str = "default"
 ) -> ufl.Measure:
-    """Return the measure of the owned exterior facets among ``facets``. Collective."""
+    """Return the measure of those given facets that are exterior and owned. Collective.
+
+    Args:
+        domain: mesh.
+        facets: local facets.
+        degree: quadrature degree.
+        rule: quadrature rule.
+    """
     entities = facet_integration_entities(domain, owned_exterior(domain, facets))
     ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
     return ds(1, metadata={"quadrature_rule": rule, "quadrature_degree": degree})
 
 
 def blocked_space(W: fem.FunctionSpace, width: int) -> fem.FunctionSpace:
-    """Return the space of vectors whose components are in a scalar space of points.
+    """Return the space of vectors whose components are in a given scalar space.
 
     Args:
-        W: scalar space.
+        W: scalar space with one dof per point.
         width: number of components.
     """
     return fem.functionspace(W.mesh, _blocked(W.ufl_element(), width))
@@ -172,7 +184,12 @@ def _linear(cell: basix.CellType, dtype: np.dtype[Any]) -> Any:
 
 
 def point_space(domain: mesh.Mesh, degree: int | None) -> fem.FunctionSpace:
-    """Return a scalar space with one dof per vertex or Gauss point."""
+    """Return a scalar space with one dof per vertex or per Gauss point.
+
+    Args:
+        domain: facet mesh.
+        degree: quadrature degree of the Gauss points; None for vertices.
+    """
     if degree is None:
         return fem.functionspace(domain, _linear(domain.basix_cell(), domain.geometry.x.dtype))
     cell = domain.basix_cell()
@@ -196,7 +213,7 @@ def vertex_function(vertices: fem.FunctionSpace, name: str, values: Array) -> fe
 
 
 class DataOf(NamedTuple):
-    """Functions and Constants in an expression."""
+    """Functions and Constants in a UFL expression."""
 
     functions: list[Any]
     constants: list[Any]
@@ -204,7 +221,7 @@ class DataOf(NamedTuple):
 
 @dataclass(frozen=True)
 class Given:
-    """Data of a surface in UFL on the body.
+    """Data of a contact surface in UFL: gap, normal and fields of the law.
 
     Attributes:
         gap: signed distance to the obstacle.
@@ -218,35 +235,35 @@ class Given:
 
     @property
     def at_points(self) -> dict[str, Any]:
-        """All data by name; names of the fields of the law begin with a colon."""
+        """UFL expressions of all data by name; a colon precedes names of fields of the law."""
         fields = {f":{name}": e for name, e in self.fields.items()}
         return {"gap": self.gap, "normal": self.normal, **fields}
 
     @cached_property
     def data(self) -> dict[str, DataOf]:
-        """Functions and Constants by the names of `at_points`."""
+        """Functions and Constants in the data, by the names of `at_points`."""
         given = {name: ufl.as_ufl(e) for name, e in self.at_points.items()}
         return {k: DataOf(extract_coefficients(e), extract_constants(e)) for k, e in given.items()}
 
     @cached_property
     def _arrays(self) -> list[Any]:
-        """Functions in the data, without duplicates, in the same order on every rank."""
+        """Functions in the data, each once, in the same order on every rank."""
         every = {f for data in self.data.values() for f in data.functions}
         return sorted((f for f in every if isinstance(f, fem.Function)), key=lambda f: f.count())
 
     def scatter(self) -> None:
-        """Update the ghosts of all Functions. Collective."""
+        """Update the ghost values of all Functions in the data. Collective."""
         for f in self._arrays:
             f.x.scatter_forward()
 
     def checksum(self) -> int:
-        """Return a checksum of the values on this rank."""
+        """Return a checksum of the values of all data on this rank."""
         constants = [c for data in self.data.values() for c in data.constants]
         return checksum([*self._arrays, *constants])
 
 
 def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Select the fields of the law from values named as in `Given.at_points`."""
+    """Return the fields of the law from values named as in `Given.at_points`."""
     return {name[1:]: v for name, v in values.items() if name.startswith(":")}
 
 
@@ -258,7 +275,10 @@ class GapsAndNormals(NamedTuple):
 
 
 def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> GapsAndNormals:
-    """Return gap and normal of an obstacle at the local nodes of a scalar P1 space. Collective."""
+    """Return gap and normal of an obstacle at the local nodes of a scalar P1 space.
+
+    Collective.
+    """
     gap, normal = surface.on(W.mesh)
     both = ufl.as_vector([gap, *(normal[i] for i in range(W.mesh.geometry.dim))])
     f = fem.Function(blocked_space(W, len(both)))
@@ -269,7 +289,7 @@ def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> GapsAndNormals:
 
 
 class ScatteredEvaluator:
-    """Values of UFL expressions at points in cells of a mesh; see `PointEvaluator`.
+    """Evaluator of UFL expressions at arbitrary points in cells of a mesh.
 
     Args:
         domain: mesh of the expressions.
@@ -283,7 +303,7 @@ class ScatteredEvaluator:
 
     Raises:
         ValueError: on every rank, if an expression contains derivatives of Functions, geometric
-            quantities other than the coordinates, or Functions known at quadrature points only.
+            quantities other than the coordinates, or Functions defined only at quadrature points.
     """
 
     def __init__(
@@ -318,7 +338,7 @@ class ScatteredEvaluator:
         self._values = PointValues(self._columns.components, w, domain.comm)
 
     def __call__(self) -> dict[str, Array]:
-        """Return an array per expression over the points of this rank. Not collective."""
+        """Return one array of values per expression at the points of this rank. Not collective."""
         n, dim = self.x.shape
         values: Array = np.empty((0, len(self._columns.components)))
         if n:
@@ -332,7 +352,12 @@ class ScatteredEvaluator:
 
 
 def _check(name: str, e: Any) -> None:
-    """Raise ``ValueError`` if an expression needs more than values at its point."""
+    """Raise ``ValueError`` if an expression at a point requires more than values at this point.
+
+    Args:
+        name: name of the expression, for the message.
+        e: UFL expression.
+    """
     where = f"the {name} of faces that do not match"
     for part in unique_pre_traversal(e):
         if isinstance(part, Derivative):

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gauss points of facets, or of the common parts of the facets of two faces.
 
-Between faces that do not match, the points are the Gauss points of the common parts of a slave
-facet and a master facet, where both have smooth bases. Points of whole slave facets fail the patch
-test: with a few points per facet, the forces on the master are wrong by several percent.
+If two faces do not match, Gauss points of whole slave facets fail the patch test: with a few points
+per facet, the forces on the master are wrong by several percent. The points are therefore Gauss
+points of the common parts of a slave facet and a master facet, on which the basis functions of both
+are smooth.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ class GaussPoints:
 
     Attributes:
         space: scalar space with one dof per point; P1 space of the vertices if points lie on
-            common parts of faces.
+            common parts of two faces.
         numbers: local numbers of the p points of each group, shape (groups, p).
-        cells: cell of the submesh of each group.
+        cells: cell of the submesh that contains each group, shape (groups,).
         corners: local vertices at the k corners of the facet of each group, shape (groups, k).
     """
 
@@ -81,7 +82,10 @@ class GaussPoints:
         self._sums = SharedValues(vertices.dofmap.index_map)
 
     def _place(self, degree: int) -> None:
-        """Set `space`, `numbers`, `cells` and the reference coordinates. Collective."""
+        """Choose the points: set `space`, `numbers`, `cells` and the reference coordinates.
+
+        Collective.
+        """
         domain = self._submesh.mesh
         self.space = point_space(domain, degree)
         self._rule = measure_of(self._V.mesh, self._submesh.parent_facets, degree)
@@ -97,7 +101,10 @@ class GaussPoints:
         return int(self.numbers.size)
 
     def _table(self, W: fem.FunctionSpace) -> Array:
-        """Return the k basis functions of a Lagrange space at the points, shape (groups, p, k)."""
+        """Return values of the k basis functions of a Lagrange space at the points.
+
+        The shape is (groups, p, k) with p points per group.
+        """
         element = W.ufl_element()
         scalar = element.sub_elements[0] if element.block_size > 1 else element
         # groups of whole facets are alike
@@ -106,17 +113,17 @@ class GaussPoints:
         return np.broadcast_to(values, (len(self._x), *values.shape[1:]))
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
-        """Return an evaluator of UFL on the body at the points."""
+        """Return an evaluator of UFL expressions on the body at the points."""
         return PointEvaluator(self.space, self._rule, expressions, self._maps, self._weight)
 
     def from_vertices(self, values: Array) -> Array:
-        """Return values at the points, shape (n,), interpolated from the local vertices."""
+        """Return values interpolated from the local vertices to the points, shape (n,)."""
         at_points: Array = np.zeros(self.number)
         at_points[self.numbers] = transformed(self._hats, values[self.corners])
         return at_points
 
     def at_vertices(self, values: Array, areas: Array) -> Array:
-        """Return means of point values around the local vertices. Collective.
+        """Return area-weighted means of values at the points around local vertices. Collective.
 
         Args:
             values: values at the points, shape (n, ...).
@@ -132,21 +139,29 @@ class GaussPoints:
         return ratio(sums[:, 1:], whole).reshape(len(sums), *values.shape[1:])
 
     def jumps(self, Q: fem.FunctionSpace, opposite: Opposite | None) -> Stencils:
-        """Return the stencils of jumps, and of multipliers in the space Q. Collective."""
+        """Return the weights of nodes in jumps, and of multiplier nodes in tractions. Collective.
+
+        Args:
+            Q: space of the multiplier.
+            opposite: opposing points of the nodes; None without another body.
+        """
         here = self._stencils(Q, partial(own_nodes, self._V))
         return here if opposite is None else here.minus(self._opposing(Q, here, opposite))
 
     def _opposing(self, Q: fem.FunctionSpace, here: Stencils, opposite: Opposite) -> Stencils:
-        """Return the stencils of the positions opposite to the points. Collective."""
+        """Return the weights of master nodes in displacements opposite to the points.
+
+        Collective.
+        """
         return self._stencils(Q, opposite.at)
 
     def _stencils(self, Q: fem.FunctionSpace, trace: Callable[[Indices], NodeWeights]) -> Stencils:
-        """Return the stencils of a displacement. Collective.
+        """Return the weights of nodes in a displacement at the points. Collective.
 
         Args:
             Q: space of the multiplier.
-            trace: function mapping local nodes of the slave to the nodes and weights whose weighted
-                sum is their displacement.
+            trace: function that maps local slave nodes to the nodes and weights of their
+                displacement.
         """
         degree = self._V.ufl_element().degree
         U = self._vertices

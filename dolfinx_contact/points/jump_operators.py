@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""B at a state: from displacements to jumps at contact points, and from tractions to forces.
+"""Operator B at a state, which maps displacements to jumps at contact points.
 
-Forces do the work of tractions, B^T W t . v = sum W t . (B v), with the areas W of the points. B is
-constant if each point keeps its opposing point. If points slide to other facets, the jumps in the
-laws may change by more than B v, and the forces of fixed tractions change with the displacement.
+Its transpose maps tractions t to forces that do the same work: for every displacement v,
+B^T W t . v = sum W t . (B v) with the areas W of the points. B is constant if each point keeps its
+opposing point. If points slide to other facets, the jumps in the laws also change because the
+opposing points and normals change, and the forces of fixed tractions depend on the displacement.
 
 With a constant B, jumps and tractions are weighted sums of nodal vectors (`Stencils`),
 
     j = B u,    t = E l,    B = b (x) I,    E = e (x) I,
 
-with the scalar weights b and e of the nodes of the displacement and of the multiplier. Points form
-groups sharing their nodes: the points of a facet, or single points.
+with the displacement u, the multipliers l, the scalar weights b and e of the nodes, and the
+Kronecker product (x). Points form groups that share their nodes: the points of a facet, or single
+points.
 
-Code that needs a constant B (matrices that are set up once, condensation onto the contact points,
-proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any other.
+Code that requires a constant B (matrices that are set up once, condensation onto the contact
+points, proofs) obtains it from `DiscreteSurface.constant_operator`, which raises an error if B is
+not constant.
 """
 
 from __future__ import annotations
@@ -49,10 +52,10 @@ __all__ = [
 
 
 class Operator(ABC):
-    """B of a surface at a state. Collective, like all its methods.
+    """Operator B of a surface at a state, from displacements to jumps. Methods are collective.
 
-    Displacements belong to the owned nodes (n, dim) and are relative to a rigid body
-    (`Partner.relative`); tractions and jumps belong to the contact points of this rank.
+    Displacements belong to the owned nodes, shape (nodes, dim), and are relative to a rigid body
+    (`Partner.relative`). Tractions and jumps belong to the contact points of this rank.
     """
 
     #: Areas W of the points, shape (n,).
@@ -65,55 +68,80 @@ class Operator(ABC):
 
     @abstractmethod
     def apply(self, v: Array) -> Array:
-        """Return B v at the points, shape (n, dim)."""
+        """Return the jumps B v at the points, shape (n, dim).
+
+        Args:
+            v: displacement of the owned nodes, shape (nodes, dim).
+        """
 
     @abstractmethod
     def rate(self, v: Array) -> Array:
-        """Return the derivative of the jumps in the laws along v, shape (n, dim).
+        """Return the derivative along a displacement of the jumps in the laws, shape (n, dim).
 
-        The part from normals that turn with the displacement (`normal_rate`) is not included.
+        The contribution of normals that turn with the displacement (`normal_rate`) is not included.
+
+        Args:
+            v: displacement of the owned nodes, shape (nodes, dim).
         """
 
     def normal_rate(self, v: Array) -> Array | None:
-        """Return the derivative of the normals along v, shape (n, dim).
+        """Return the derivative of the normals along a displacement, shape (n, dim).
 
-        None if B does not change the normals.
+        None if the normals are not computed by the operator.
+
+        Args:
+            v: displacement of the owned nodes, shape (nodes, dim).
         """
         return None
 
     def mean_around(self, tractions: Array) -> Array:
-        """Return means of the tractions of the points around each point, shape (n, dim)."""
+        """Return for each point the mean of the tractions at surrounding points, shape (n, dim).
+
+        Args:
+            tractions: tractions at the points, shape (n, dim).
+        """
         return tractions
 
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:
-        """Return B^T W t, the forces of tractions on owned displacement dofs, as a flat array."""
+        """Return the nodal forces of tractions on owned displacement dofs, as a flat array.
+
+        Args:
+            tractions: tractions at the points, shape (n, dim).
+        """
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
-        """Return the derivative of B^T W t along v at fixed tractions t, as a flat array."""
+        """Return the derivative along a displacement of the nodal forces of fixed tractions.
+
+        The result is a flat array of the owned displacement dofs.
+
+        Args:
+            tractions: tractions at the points, shape (n, dim).
+            v: displacement of the owned nodes, shape (nodes, dim).
+        """
 
     @abstractmethod
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """Return the scalar matrix b of B = b (x) I.
+        """Return the matrix of the weights of nodes in jumps, without vector components.
 
         Args:
             comm: communicator.
             nodes: number of displacement nodes owned by this rank.
 
         Returns:
-            Matrix from a scalar at the nodes to one at the points.
+            Matrix that maps scalars at the nodes to scalars at the points.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class ConstantOperator(Operator):
-    """B that is the same at every state: jumps are B u plus a constant.
+    """Operator B that is the same at every state: jumps are B u plus a constant.
 
     Attributes:
         stencils: weights of displacement and multiplier nodes at the points.
-        areas: areas W of the points, shape (n,).
-        B: matrix.
+        areas: areas of the points, shape (n,).
+        B: matrix from the displacement u to the jumps.
     """
 
     stencils: Stencils
@@ -138,15 +166,18 @@ class ConstantOperator(Operator):
 
 @dataclass(frozen=True)
 class Stencils:
-    """Weights of the nodes at the points of this rank, group by group.
+    """Weights of nodes in the jumps and tractions at the points of this rank, group by group.
+
+    The points of a group depend on the same nodes.
 
     Attributes:
         points: local numbers of the p points of each group, shape (groups, p).
         nodes: k global nodes of the displacement per group, shape (groups, k).
-        weights: weights b, shape (groups, p, k); weights of a repeated node add up.
+        weights: weights of these nodes in the jumps, shape (groups, p, k); weights of a repeated
+            node add up.
         multiplier_nodes: l global nodes of the multiplier per group, shape (groups, l).
-        multiplier_weights: weights e, shape (groups, p, l).
-        identity: whether E is the identity, since the points are multiplier nodes.
+        multiplier_weights: weights of these nodes in the tractions, shape (groups, p, l).
+        identity: whether each point is a multiplier node, so that its traction is the multiplier.
     """
 
     points: Ints
@@ -157,7 +188,11 @@ class Stencils:
     identity: bool
 
     def minus(self, other: Stencils) -> Stencils:
-        """Return the stencils of the difference between these values and those of ``other``."""
+        """Return the stencils of the difference of two displacements at the same points.
+
+        Args:
+            other: stencils of the displacement that is subtracted.
+        """
         return replace(
             self,
             nodes=np.concatenate([self.nodes, other.nodes], axis=1),
@@ -165,23 +200,32 @@ class Stencils:
         )
 
     def jump_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
-        """Return B, from displacements to points. Collective.
+        """Return the matrix B from displacements to jumps at the points. Collective.
 
         Args:
             comm: communicator.
             nodes: number of displacement nodes owned by this rank.
-            dim: number of components; 1 for the matrix b of weights.
+            dim: number of components; 1 for the scalar matrix of the weights.
         """
         return self._matrix(comm, self.nodes, self.weights, nodes, dim)
 
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
-        """Return the matrix E, which maps multipliers to tractions at the points. Collective."""
+        """Return the matrix E from multipliers to tractions at the points. Collective.
+
+        Args:
+            comm: communicator.
+            nodes: number of multiplier nodes owned by this rank.
+            dim: number of components; 1 for the scalar matrix of the weights.
+        """
         return self._matrix(comm, self.multiplier_nodes, self.multiplier_weights, nodes, dim)
 
     def _matrix(
         self, comm: MPI.Comm, nodes: Ints, weights: Array, owned_nodes: int, dim: int
     ) -> PETSc.Mat:
-        """Return the matrix weights (x) I, from vectors at nodes to the points. Collective."""
+        """Return a matrix of weights that acts on each vector component. Collective.
+
+        It maps vectors at nodes to vectors at the points.
+        """
         n = int(self.points.size)
         along = np.arange(dim)
         rows = (comm.exscan(dim * n) or 0) + dim * self.points[:, :, None, None] + along
@@ -193,11 +237,11 @@ class Stencils:
 
 
 class NodeWeights(NamedTuple):
-    """Weighted sums of nodal values.
+    """Nodes and weights of weighted sums of nodal values.
 
     Attributes:
         nodes: global nodes, shape (..., k).
-        weights: their weights, shape (..., k); nodes of weight 0 are copies of any node.
+        weights: weights of the nodes, shape (..., k); 0 for nodes that only pad the array.
     """
 
     nodes: Ints
@@ -205,13 +249,16 @@ class NodeWeights(NamedTuple):
 
 
 def own_nodes(V: fem.FunctionSpace, nodes: Indices) -> NodeWeights:
-    """Return each local node with the weight 1, the stencil of its own displacement."""
+    """Return local nodes themselves as `NodeWeights`, each with weight 1."""
     numbers = global_numbers(V.dofmap.index_map, nodes[..., None])
     return NodeWeights(numbers, np.ones(numbers.shape))
 
 
 def scaled_rows(A: PETSc.Mat) -> Array:
-    """Divide each row of a matrix by its sum, if positive; return the sums. Collective."""
+    """Divide each row of a matrix by its sum, if positive, and return the sums.
+
+    Collective.
+    """
     by = A.getRowSum()
     sums: Array = by.array.copy()
     by.array[:] = 1 / np.where(sums > 0, sums, 1.0)
@@ -221,7 +268,7 @@ def scaled_rows(A: PETSc.Mat) -> Array:
 
 
 def rows_of(A: PETSc.Mat) -> NodeWeights:
-    """Return the column indices and entries of each row as `NodeWeights`; destroy the matrix."""
+    """Return column indices and entries of the rows of a matrix, and destroy the matrix."""
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
@@ -236,7 +283,13 @@ def rows_of(A: PETSc.Mat) -> NodeWeights:
 
 
 def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> NodeWeights:
-    """Return nodes and weights of the owned and ghost rows from the owned ones. Collective."""
+    """Return nodes and weights of the rows of owned and ghost nodes. Collective.
+
+    Args:
+        comm: communicator.
+        index_map: index map of the rows.
+        owned: nodes and weights of the owned rows.
+    """
     k = owned.nodes.shape[1]
     padding = (0, 0), (0, comm.allreduce(k, op=max) - k)
     rows = np.stack([np.pad(part, padding) for part in owned], axis=2, dtype=np.float64)
@@ -245,12 +298,22 @@ def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> Node
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
-    """Return A times values with k columns, shape (n, k). Collective."""
+    """Return the product of a matrix with an array of several columns. Collective.
+
+    Args:
+        A: matrix.
+        values: owned entries of k vectors, shape (n, k).
+    """
     return np.stack([product(A, column) for column in values.T], axis=1)
 
 
 def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
-    """Return the transpose of A times values, as a flat array. Collective."""
+    """Return the product of the transpose of a matrix with a vector. Collective.
+
+    Args:
+        A: matrix.
+        values: owned entries of the vector, an array of any shape.
+    """
     x, y = A.createVecs()
     y.array[:] = values.reshape(-1)
     A.multTranspose(y, x)

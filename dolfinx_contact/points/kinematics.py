@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Gap, slip and B of a surface or pair at a state, and their derivatives.
+"""Gap, slip and operator B of a surface or pair at a state, and their derivatives.
 
-With the jump j in the law, the normal n and the initial gap g_0,
+With the jump j passed to the law, the normal n and the initial gap g_0,
 
     gap = g_0 - j.n,    slip = j - (j.n) n.
 
-On a curved obstacle j and n may follow the displacement of the points (`points.displaced`). Along a
-displacement v, with the change dx of the points (`points.jump_operators`), dj = (dj/dx) dx, or dx
-where normals do not turn, and dn = (dn/dx) dx,
+On a curved obstacle j and n may depend on the positions x of the displaced points
+(`points.displaced`). A displacement of the nodes changes x by dx (`points.jump_operators`), j by
+dj = (dj/dx) dx (dx where normals do not turn), and n by dn = (dn/dx) dx. The gap then changes by
 
     d gap = -(dj.n + j.dn).
 
 Displacements are relative to the obstacle of the surface (`rigid_body.Partner`), which may be a
-rigid body.
+moving rigid body.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _OPPOSITE = 1e-16  # 1 plus the cosine of normals below which they count as oppo
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """Contact points of this rank at a state.
+    """Gaps, jumps and data of the contact points of this rank at a state.
 
     Attributes:
-        operator: B at the state.
-        jump: jump in the law, shape (n, dim).
-        reference: part of the jump that the memory subtracts before the law is evaluated, shape (n,
-            dim).
+        operator: operator B at the state, from displacements to jumps.
+        jump: jump passed to the law, shape (n, dim).
+        reference: slip until the last accepted state, which has been subtracted from the total jump
+            to obtain `jump`, shape (n, dim); 0 under the static law.
         data: data of the law, with normals and gaps at the state.
         place: displacement of the points in the frame of a curved obstacle in large sliding, shape
             (n, dim); None otherwise.
@@ -61,7 +61,7 @@ class Kinematics:
 
     @property
     def gap(self) -> Array:
-        """Gaps, shape (n,); averages around nodes in the mixed method."""
+        """Gaps in the law, shape (n,); averages around the nodes with ``method="mixed"``."""
         return self.data.gap - dot(self.jump, self.data.n)
 
     @property
@@ -77,13 +77,13 @@ class Kinematics:
 
     @property
     def whole(self) -> Array:
-        """Total jump in the frame of the obstacle, without memory subtracted, shape (n, dim)."""
+        """Jumps since the reference configuration in the frame of the obstacle, shape (n, dim)."""
         jump = self.jump + self.reference
         return jump if self.frame is None else jump @ self.frame
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Displacements of the points and normals at the displaced points.
+        """Displacements of the points, and normals at the displaced points.
 
         Both are in the frame of the obstacle and have shape (n, dim).
         """
@@ -110,10 +110,14 @@ class Kinematics:
 
 
 def rotation(o: Array, n: Array) -> Array:
-    """Return the smallest rotations from o to n, applied to vectors perpendicular to o.
+    """Return the smallest rotations from unit vectors o to unit vectors n.
 
-    o and n are unit vectors. If n = -o, no rotation is the smallest, and the vectors are returned
-    unchanged.
+    They are matrices that act on vectors perpendicular to o, shape (..., dim, dim). If n = -o,
+    there is no unique smallest rotation, and such vectors are returned unchanged.
+
+    Args:
+        o: unit vectors, shape (..., dim).
+        n: unit vectors, shape (..., dim).
     """
     dim = n.shape[-1]
     c = np.maximum(1.0 + dot(n, o), _OPPOSITE)

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Memory of the contact points at the last accepted state.
+"""Memory of the contact points at the last accepted state.
 
-In a quasi-static evolution friction opposes the slip rate, not the total slip. In a step from t_n
-to t_n+1 the law is evaluated at the jump
+In a quasi-static evolution friction opposes the slip rate, not the total slip. In a step that
+begins at an accepted state with the jump j_0, the law is evaluated at
 
-    j - (I - n n^T) j_n,
+    j - (I - n n^T) j_0,
 
-whose normal part is total and whose tangential part is the increment since the accepted state n
-(implicit Euler in the slip velocity; rate-independent friction needs no time). Here n is the
-present normal and j the motion relative to the obstacle, so the motion of a rigid body is
-subtracted. On a curved obstacle in large sliding, the increment is measured along its surface
-(`displaced`), and the memory contains j_n in the frame of the obstacle.
+where j is the current jump and n the current normal. The normal part is thus the total jump, and
+the tangential part is the slip increment of the step (implicit Euler in the slip velocity;
+rate-independent friction needs no time). Jumps are motions relative to the obstacle: the motion of
+a rigid body has been subtracted. On a curved obstacle in large sliding, the increment is measured
+along its surface (`displaced`), and the memory contains j_0 in the frame of the obstacle.
 
 A memory is frozen: solves read it and never change it. An accepted step creates a new memory; a
 rejected step keeps the old one. The memory also contains internal variables of the law, such as the
-intensity of adhesion. A law with internal variables also receives j_n and the duration of the step,
+intensity of adhesion. A law with internal variables also receives j_0 and the duration of the step,
 because friction acts on increments and adhesion on total jumps. For laws that depend on it, the
 memory contains the slip distance in contact, which is summed over the accepted steps and never
 decreases.
@@ -44,10 +44,10 @@ class Memory:
     """Memory of the contact points of a surface on this rank. Its arrays are read-only copies.
 
     Attributes:
-        jump: j_n, the total jump at the last accepted state, a length, shape (n, dim).
-        fields: fields of the law at that state, by name, and the distance slipped until then
-            (``SLID`` of `laws.symbols`) if the law depends on it, shape (n,) each.
-        step: time from that state to the present one.
+        jump: total jump at the last accepted state, shape (n, dim).
+        fields: internal variables of the law at that state, by name, and the distance slipped until
+            then (``SLID`` of `laws.symbols`) if the law depends on it, shape (n,) each.
+        step: time from that state to the current one.
         gap: gap in the law at that state, shape (n,), for laws at the velocity level; None for
             other laws.
         displacement: displacement of the owned nodes at that state in large sliding of pairs, shape
@@ -81,22 +81,26 @@ class Memory:
         return replace(self, step=step)
 
     def reference(self, n: Array) -> Array:
-        """Return the part of j_n along the surface with normals ``n``, shape (n, dim)."""
+        """Return the tangential part of the remembered jump, shape (n, dim).
+
+        Args:
+            n: current unit normals, shape (n, dim).
+        """
         return tangential(self.jump, n)
 
     def reference_rate(self, n: Array, rate: Array) -> Array:
-        """Return the rate of `reference` if the normals change at a rate, shape (n, dim).
+        """Return the rate of the tangential part of the remembered jump as the normals turn.
 
         Args:
-            n: normals, shape (n, dim).
-            rate: rate of the normals, shape (n, dim).
+            n: current unit normals, shape (n, dim).
+            rate: rates of the normals, shape (n, dim).
         """
         along, turning = (dot(self.jump, v)[:, None] for v in (n, rate))
         return -turning * n - along * rate
 
 
 def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
-    """Return the data of the points, extended by the memory if the law uses it.
+    """Return the data of the law at the points, with values from the memory if the law uses it.
 
     Args:
         law: compiled law.
@@ -117,7 +121,7 @@ def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> Poi
 
 
 def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
-    """Return the distances slipped until the end of a step, shape (n,).
+    """Return the total distances slipped in contact until the end of a step, shape (n,).
 
     Args:
         data: data of the points with the memory of the step.
@@ -130,7 +134,7 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
 
 
 def read_only_copy(values: Any, dtype: npt.DTypeLike = None) -> Any:
-    """Return a read-only copy of an array; None for None."""
+    """Return a read-only copy of an array; None if the argument is None."""
     if values is None:
         return None
     copy = np.array(values, dtype=dtype)

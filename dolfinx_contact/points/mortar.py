@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Mortar weights between faces of different meshes, with the biorthogonal basis.
+"""Mortar weights between faces of different meshes, with the biorthogonal basis.
 
-One quadrature on the covered parts of a facet of the slave gives all integrals of the facet: its
-mass M = int N N^T and areas d = int N, the dual basis psi = diag(d) M^-1 N, with int psi_p N_q =
-d_p delta_pq, and the coupling int psi_p N_k of the master's basis; N of the slave is of degree 1.
-With W = sum d the jump of a node at a corner is
+Let N contain the linear basis functions N_p of the corners p of a slave facet, and let N_k be the
+basis functions of the nodes k of the opposing master facets. All integrals (int) over the covered
+part of the slave facet are computed with the same quadrature: the mass matrix M = int N N^T, the
+areas d = int N, and the coupling int psi_p N_k with the dual basis psi = diag(d) M^-1 N, for which
+int psi_p N_q = d_p delta_pq. With the sum W_p of the areas d_p over the facets around p, and the
+displacements u_p and u_k of the nodes, the jump of a slave node p at a corner is
 
     j_p = u_p - 1/W_p sum_k (int psi_p N_k) u_k,
 
 whose weights sum to zero. Constants, uniform tractions and, on faces that coincide, linear fields
-are reproduced to round-off however the faces are cut (Wohlmuth, SIAM J. Numer. Anal. 38, 2000;
-Popp, Gee and Wall, Int. J. Numer. Methods Eng. 79, 2009). All integrals of a body of revolution
-have the weight 2 pi r.
+are reproduced to round-off, independently of how the facets intersect (Wohlmuth, SIAM J. Numer.
+Anal. 38, 2000; Popp, Gee and Wall, Int. J. Numer. Methods Eng. 79, 2009). For bodies of revolution,
+all integrals have the weight 2 pi r.
 """
 
 from __future__ import annotations
@@ -33,13 +35,15 @@ __all__ = ["Coupling", "between", "coupling"]
 
 @dataclass(frozen=True)
 class Coupling:
-    """Integrals over slave facets.
+    """Mortar integrals over pieces of slave facets (`coupling`).
 
     Attributes:
         slave: global nodes at the k corners of the slave facet of each piece, shape (pieces, k, 1).
         master: b global nodes of the master facet of each piece, shape (pieces, 1, b).
-        values: integrals of psi_p N_k, shape (pieces, k, b).
-        areas: integral of N over the covered part of each slave facet, per corner, shape (n, k).
+        values: integrals of dual slave functions times master basis functions, shape
+            (pieces, k, b).
+        areas: integrals of the linear basis functions of the k corners over the covered part of
+            each slave facet, shape (n, k).
     """
 
     slave: Ints
@@ -49,7 +53,7 @@ class Coupling:
 
 
 def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
-    """Return integrals over the covered parts of slave facets. Not collective.
+    """Return the mortar integrals over the covered parts of slave facets. Not collective.
 
     Args:
         cover: covered parts.
@@ -76,11 +80,14 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
-    """Return rows for all nodes of facets, as means of the rows of their corners. Collective.
+    """Return mortar weights at all nodes of facets of degree 2. Collective.
+
+    The row of a node is the mean of the rows of the corners, weighted with their linear basis
+    functions at the node.
 
     Args:
         comm: communicator.
-        A: rows of the corners; destroyed.
+        A: matrix with the rows of the corners, which is destroyed.
         nodes: global nodes of facets of degree 2, corners first, shape (n, k).
         corners: number of corners of a facet.
     """

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nonlocal laws: a sparse matrix on the contact points of a surface.
+"""Nonlocal laws, which average a quantity over neighbouring contact points of a surface.
 
-N has a row for each point, with the weights of the points within the radius of the kernel, times
-their areas. No rank holds more of the surface than lies around its own points.
+Each row of the sparse averaging matrix N belongs to a contact point and contains the kernel weights
+times the areas of the points within the radius of the kernel. No rank stores more of the surface
+than the surroundings of its own points.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ __all__ = ["LawAmongPoints", "Neighbours"]
 
 
 class Neighbours:
-    """Averaging matrix N of a surface, assembled on first use.
+    """Matrix that averages over neighbouring contact points of a surface, assembled on first use.
 
     Args:
         points: contact points of the surface.
-        kernel: kernel with its radius.
+        kernel: weight function of the average, with its radius.
     """
 
     def __init__(self, points: ContactPoints, kernel: Kernel):
@@ -44,7 +45,7 @@ class Neighbours:
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """Matrix N, assembled again if areas have been redistributed. Collective."""
+        """Averaging matrix, assembled again after areas have been redistributed. Collective."""
         points, radius = self._points, self._kernel.radius
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas
@@ -63,15 +64,15 @@ class Neighbours:
         return self._matrix
 
     def __call__(self, values: Array) -> Array:
-        """Return N times values, shape (n,). Collective."""
+        """Return averages of values at the points over their neighbours, shape (n,). Collective."""
         return multiplied(self.matrix, values[:, None])[:, 0]
 
 
 class LawAmongPoints(LawAtPoints):
-    """A nonlocal law on the contact points of a surface. Collective, like its methods.
+    """A nonlocal law on the contact points of a surface. All methods are collective.
 
-    The weighted sum of the pressures at the other points enters the law as a field. It is evaluated
-    from the present pressures.
+    The law has a field that is the weighted sum of the pressures at neighbouring points. It is
+    evaluated from the current pressures.
 
     Args:
         law: law with an `averaging`.

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of another body that a surface may touch, and the points opposite to its nodes.
+"""Opposing faces in small sliding: facets of another body, and points opposite to slave nodes.
 
-The surface whose facets carry the contact points is the *slave*, the opposite facets are the
-*master*. Where their nodes match, at the same positions or across a gap, jumps are differences of
-two traces: at nodes, at Gauss points or averaged. Otherwise a `mortar` gives the weights of the
-nodes, and Gauss points lie on the common parts of the faces.
+The surface whose facets carry the contact points is the *slave*; the facets opposite to it are the
+*master*. If their nodes match, at the same positions or across a gap, jumps are differences of the
+displacements of opposing nodes, interpolated to the contact points. Otherwise a `mortar` gives the
+weights of the nodes, and Gauss points lie on the common parts of the faces.
 
-No rank holds a whole surface: nodes are sent to the ranks in whose bounding boxes the nearest node
-may lie, and these send the answers back.
+No rank stores a whole surface: each query for the nearest node is sent to the ranks in whose
+bounding boxes this node may lie, and these ranks send the result back.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
 
 
 class Sides(NamedTuple):
-    """Masks of the local nodes on the slave and on the master."""
+    """Masks of the local displacement nodes on the slave and on the master."""
 
     slave: Mask
     master: Mask
@@ -84,8 +84,8 @@ class Common:
     Attributes:
         facets: local slave facets owned by this rank.
         cover: covered parts of these facets.
-        places: point of the master opposite to each node itself, without averaging; only for nodes
-            that have one.
+        places: points of the master opposite to the positions of the slave nodes, without mortar
+            averaging; nodes without such a point are marked in ``places.none``.
     """
 
     facets: Indices
@@ -95,15 +95,17 @@ class Common:
 
 @dataclass(frozen=True)
 class Opposite:
-    """Opposing points of the nodes of a surface, as weighted means of master nodes.
+    """Points opposite to the nodes of a slave, as weighted means of master nodes.
 
     Attributes:
-        nodes: global master nodes opposite to the local slave nodes, in their order, shape (m, k).
+        nodes: global master nodes opposite to the local slave nodes, in the order of the slave
+            nodes, shape (m, k).
         weights: weights of these nodes, shape (m, k); rows are padded with arbitrary nodes of
             weight 0.
-        none: mask of the local nodes that have no opposing point or are their own opposing node.
+        none: mask of the local nodes that have no opposing point or are their own opposing node, as
+            at the front of a crack.
         areas: covered areas of the local nodes at corners of facets; None if faces match.
-        sides: local nodes on slave and master.
+        sides: masks of the local nodes on slave and master.
         master_facets: local master facets, ghosts included.
         common: common parts of the faces; None if they match.
     """
@@ -118,21 +120,25 @@ class Opposite:
 
     @property
     def matching(self) -> bool:
-        """Whether every node has one opposing node."""
+        """Whether the faces match, so that every slave node has one opposing node."""
         return self.common is None
 
     def at(self, nodes: Indices) -> NodeWeights:
-        """Return master nodes and weights opposite to local slave nodes, shape (..., k) each."""
+        """Return the master nodes and weights opposite to given slave nodes, shape (..., k) each.
+
+        Args:
+            nodes: local slave nodes, shape (...).
+        """
         rows = np.cumsum(self.sides.slave)[nodes] - 1
         return NodeWeights(self.nodes[rows], self.weights[rows])
 
     def values(self, comm: MPI.Comm, values: Array, *, sizes: bool = False) -> Array:
-        """Return values at the opposing points of the local nodes, 0 off the slave. Collective.
+        """Return values at the points opposite to the local nodes, 0 off the slave. Collective.
 
         Args:
             comm: communicator.
             values: values at the owned nodes, shape (n, ...).
-            sizes: whether weights are replaced by their absolute values.
+            sizes: whether to use the absolute values of the weights.
         """
         slave = self.sides.slave
         found = np.zeros((len(slave), *values.shape[1:]))
@@ -145,9 +151,9 @@ class Opposite:
 class OppositeFacets(Obstacle):
     """Obstacle of a pair: facets of another body in the mesh, or of the other side of a crack.
 
-    Gap and normal refer to the reference configuration. The normal is the normal of the description
-    if it has one, otherwise the slave normal; at nodes it is the mean over the adjacent slave
-    facets.
+    Gap and normal refer to the reference configuration. The normal is the one given in the
+    description, if any; otherwise it is the slave normal, which at a node is the mean over the
+    adjacent slave facets.
 
     Args:
         pair: description of the pair.
@@ -158,9 +164,10 @@ class OppositeFacets(Obstacle):
         opposite: opposing points of the nodes of the slave.
 
     Raises:
-        ValueError: on every rank, if faces do not match although their elements require it, if both
-            faces look in the same direction, if the bodies overlap by more than is allowed, or if a
-            given normal deviates by more than 60 degrees from a facet normal of the slave.
+        ValueError: on every rank, if faces do not match although their elements require it, if the
+            normals of both faces point in the same direction, if the bodies overlap by more than is
+            allowed, or if a given normal deviates by more than 60 degrees from a facet normal of
+            the slave.
     """
 
     opposite: Opposite
@@ -206,7 +213,7 @@ class OppositeFacets(Obstacle):
 
 @dataclass(frozen=True)
 class _BothFaces:
-    """Slave and master. Properties are collective.
+    """Slave and master face of a pair in the mesh. All properties are collective.
 
     Attributes:
         pair: description of the pair.
@@ -230,12 +237,12 @@ class _BothFaces:
 
     @property
     def normal(self) -> Array | None:
-        """Given normal, shape (dim,); None for the normals of the slave."""
+        """Normal given by the user, shape (dim,); None if the normals of the slave are used."""
         return None if self.pair.normal is None else np.asarray(self.pair.normal)
 
     @cached_property
     def sides(self) -> Sides:
-        """Local nodes on slave and master."""
+        """Masks of the local nodes on slave and master."""
         return Sides(nodes_on(self.V, self.slave), nodes_on(self.V, self.master))
 
     @cached_property
@@ -245,7 +252,7 @@ class _BothFaces:
 
     @cached_property
     def size(self) -> float:
-        """Size of the smallest slave facet."""
+        """Size of the smallest slave facet: its length in 2D, the root of its area in 3D."""
         areas = np.linalg.norm(area_vectors(self.facets.x), axis=1)
         least = minimum(self.V.mesh.comm, areas, np.inf)
         return float(least ** (1 / (self.V.mesh.geometry.dim - 1)))
@@ -256,7 +263,10 @@ class _BothFaces:
         return node_positions(self.V)
 
     def normals(self, V: fem.FunctionSpace) -> Array:
-        """Return normals of the slave at local nodes, zero elsewhere. Collective."""
+        """Return normals of the slave at the local nodes of a space, 0 at other nodes.
+
+        Collective.
+        """
         normals = outward_normals(V, self.slave)
         if self.normal is not None:
             normals[np.any(normals != 0.0, axis=1)] = self.normal
@@ -266,7 +276,20 @@ class _BothFaces:
 def _to_surface(
     W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _BothFaces
 ) -> tuple[Array, Array]:
-    """Return gaps and normals of a given obstacle at the slave nodes, 0 elsewhere. Collective."""
+    """Return gaps and normals of a given obstacle at the slave nodes. Collective.
+
+    They are 0 at other nodes.
+
+    Args:
+        W: scalar P1 space.
+        surface: given obstacle.
+        normals: normals of the slave at the local nodes, shape (nodes, dim).
+        faces: slave and master.
+
+    Raises:
+        ValueError: on every rank, if a normal of the obstacle deviates too much from that of the
+            slave.
+    """
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
     turned = on_slave & (dot(shape, normals) < _FACING)
@@ -282,7 +305,7 @@ def _to_surface(
 
 
 def _gaps(faces: _BothFaces, opposite: Opposite) -> Array:
-    """Return gaps at local nodes along the normals. Collective.
+    """Return gaps at the local nodes, measured along the slave normals. Collective.
 
     Nodes without an opposing point get a large gap.
     """
@@ -296,10 +319,11 @@ def _gaps(faces: _BothFaces, opposite: Opposite) -> Array:
 
 
 def _matched(faces: _BothFaces) -> Opposite | None:
-    """Return the opposing master node of each slave node; None if faces do not match. Collective.
+    """Return the master node opposite to each slave node; None if faces do not match. Collective.
 
-    It is the nearest node. If a normal is given, it is the nearest in the projection along this
-    normal, among the nodes whose own normals point against it.
+    It is the nearest master node. If the user has given a normal, distances are measured in the
+    projection along this normal, and only master nodes are considered whose own normals point
+    against it.
     """
     V, name, given = faces.V, faces.name, faces.normal
     comm = V.mesh.comm
@@ -356,7 +380,7 @@ def _matched(faces: _BothFaces) -> Opposite | None:
 def _facets_differ(faces: _BothFaces) -> bool:
     """Return whether any slave facet and the nearest master facet differ in area. Collective.
 
-    If so, one mesh is finer, and its additional nodes have no opposing node.
+    If they differ, one mesh is finer, and its additional nodes have no opposing node.
     """
     sides = []
     for facets, sense in ((faces.slave, 1.0), (faces.master, -1.0)):
@@ -374,10 +398,10 @@ def _facets_differ(faces: _BothFaces) -> bool:
 
 
 def _mortar(faces: _BothFaces) -> Opposite:
-    """Return the weights of a mortar; see `mortar`. Collective.
+    """Return the mortar weights of faces that do not match (`mortar`). Collective.
 
-    For degree 2 the mortar gives the weights at the corners of facets; midside nodes get means of
-    them.
+    For degree 2, the mortar gives the weights at the corners of facets; other nodes get means of
+    these weights.
     """
     V, name, size = faces.V, faces.name, faces.size
     comm = V.mesh.comm
@@ -418,9 +442,14 @@ def _mortar(faces: _BothFaces) -> Opposite:
 def _by_rows(
     faces: _BothFaces, A: PETSc.Mat, areas: Array, common: Common | None = None
 ) -> Opposite:
-    """Return opposing points whose weights are the rows of the matrix A. Collective.
+    """Return opposing points whose weights are the rows of a matrix. Collective.
 
-    The matrix is destroyed. Its row sums are the areas, except for round-off.
+    Args:
+        faces: slave and master.
+        A: matrix of weights, which is scaled and destroyed. Before scaling, its row sums are the
+            areas, except for round-off.
+        areas: areas of the local nodes.
+        common: common parts of the faces; None if not available.
     """
     comm, index_map = faces.V.mesh.comm, faces.V.dofmap.index_map
     slave = faces.sides.slave

@@ -18,17 +18,17 @@ __all__ = ["DiscretePair", "facets_of_sides"]
 
 
 class DiscretePair(DiscreteSurface):
-    """Discretisation of a `ContactPair` in small sliding. Collective.
+    """Discretisation of a `ContactPair` in small sliding. Methods are collective.
 
     Args:
         pair: description of the pair.
 
     Raises:
-        ValueError: on every rank, for the reasons listed in `DiscreteSurface`; if the faces have
-            common facets, have equal normals, overlap by more than is allowed, do not match
-            although their elements require it, or share nodes although they do not match. For faces
-            that do not match, an overlap of up to 5 % of a facet is allowed, because facets of
-            curved faces are chords.
+        ValueError: on every rank, for the reasons listed in `DiscreteSurface`; or if the faces have
+            common facets, have normals in the same direction, overlap by more than is allowed, do
+            not match although their elements require it, or share nodes although they do not match.
+            For faces that do not match, an overlap of up to 5 % of a facet is always allowed,
+            because facets of curved faces are chords.
     """
 
     def __init__(self, pair: ContactPair):
@@ -43,7 +43,10 @@ class DiscretePair(DiscreteSurface):
         self.check_gaps()
 
     def check_gaps(self) -> None:
-        """Raise ``ValueError`` if a given gap is negative by more than is allowed. Collective."""
+        """Raise ``ValueError`` if a gap given by the user is too negative. Collective.
+
+        A negative gap is an overlap, whose largest value is set by ``interference``.
+        """
         if not self._given_gap:
             return
         worst = minimum(self.comm, self.points.vertex_gaps, np.inf)
@@ -57,9 +60,14 @@ class DiscretePair(DiscreteSurface):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Distribute the basis functions of nodes without a multiplier. Collective.
+        """Determine the nodes without a multiplier, and distribute their basis functions.
 
-        See `shared_functions`. For faces that do not match, nodes with a fixed jump are included.
+        For faces that do not match, these include nodes with a fixed jump (`shared_functions`).
+        Collective.
+
+        Args:
+            fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
+            crossing: mask of the local vertices at which pairs cross.
 
         Raises:
             ValueError: if no node next to a crossing can receive its basis function, or a
@@ -96,10 +104,10 @@ class DiscretePair(DiscreteSurface):
 
 
 def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:
-    """Return the local facets of slave and master. Collective.
+    """Return the local facets of the slave and of the master of a pair. Collective.
 
     Raises:
-        ValueError: on every rank, if they have facets in common.
+        ValueError: on every rank, if slave and master have facets in common.
     """
     domain, name = pair.u.function_space.mesh, pair.name
     keep(domain)

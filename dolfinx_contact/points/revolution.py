@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Bodies of revolution about x = 0: half of a section is meshed, with r = x >= 0 and z = y.
+"""Bodies of revolution about x = 0: half of a section is meshed, with r = x >= 0 and z = y.
 
-Forces act on the whole circumference. The area of a point is the integral of 2 pi r against
-its basis function, which is positive on the axis too. Resultants are axial, since the radial nodal
-forces of opposite meridians cancel.
+Forces act on the whole circumference. The area of a point is the integral of 2 pi r times its basis
+function, which is also positive for points on the axis. Resultants are axial, because the radial
+forces at opposite points of the circumference cancel.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
 
 
 def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
-    """Return normals, averaged with their mirror images at nodes on the axis. Collective.
+    """Return normals whose radial component is set to 0 on the axis. Collective.
+
+    They are the means of the normals and their mirror images.
 
     Args:
         V: displacement space.
@@ -68,7 +70,10 @@ def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
 
 
 def axis_condition(V: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    """Return the condition u_r = 0 on the axis; none without nodes on it. Collective."""
+    """Return the Dirichlet condition u_r = 0 on the axis, as a list. Collective.
+
+    The list is empty if no node lies on the axis.
+    """
     nodes = np.flatnonzero(on_axis(V)).astype(np.int32)
     if not V.mesh.comm.allreduce(len(nodes)):
         return []

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
+"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
 
 A rigid body has a few unknowns, a displacement d and a rotation theta about a reference point X_0.
 If both are small, its material point X moves by
 
     Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
 
-In large sliding (`displaced`), where rotations are prescribed, it moves to
-X_0 + d + Q(theta) (X - X_0), where Q is the rotation, of any angle, with the rotation vector theta.
-If theta changes at the rate dtheta, the spin is
+In large sliding (`displaced`), where rotations are prescribed, X moves to
+X_0 + d + Q(theta) (X - X_0), where Q is the rotation by any angle with the rotation vector theta.
+If theta changes at the rate dtheta, the spin (angular velocity) is
 
     w = L(theta) dtheta,    L = I + (1 - cos a)/a^2 S + (a - sin a)/a^3 S^2,    a = |theta|,
 
 with S v = theta x v, and L = 1 in 2D (Simo and Vu-Quoc, CMAME 58, 1986, section 3).
 
-Jumps B (u - Phi q) are relative to the rigid body. The tractions t at the contact points balance
-the loads F on it, F = Phi^T B^T W t, in the components of q that are not prescribed (Wriggers,
-Computational Contact Mechanics, 2006, section 5.1).
+Jumps B (u - Phi q) are relative to the rigid body, where u is the displacement of the deformable
+body and B maps displacements to jumps at the contact points. In the components of q that are not
+prescribed, the tractions t at the contact points with the areas W balance the loads F on the rigid
+body, F = Phi^T B^T W t (Wriggers, Computational Contact Mechanics, 2006, section 5.1).
 """
 
 from __future__ import annotations
@@ -52,8 +53,8 @@ COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 class RigidKinematics:
     """Motions of a rigid body about a reference point.
 
-    A motion is an array of the displacement and the rotation, shape (k,), with 3 components in 2D
-    and 6 in 3D.
+    A motion is an array of the displacement of the reference point and the rotation about it, shape
+    (k,), with k = 3 in 2D and k = 6 in 3D.
 
     Attributes:
         about: reference point, shape (dim,).
@@ -63,15 +64,17 @@ class RigidKinematics:
 
     @property
     def dim(self) -> int:
-        """Dimension, 2 or 3."""
+        """Spatial dimension, 2 or 3."""
         return len(self.about)
 
     # -- motions of any size ---------------------------------------------------------------------
 
     def rotation(self, motion: Array) -> Array:
-        """Return the rotation Q, shape (dim, dim), of a motion of shape (k,).
+        """Return the rotation matrix of a motion, shape (dim, dim).
 
-        For n motions, shape (n, k), the result has shape (n, dim, dim).
+        Args:
+            motion: motion of the body, shape (k,), or n motions, shape (n, k); in the latter case
+                the result has the shape (n, dim, dim).
         """
         angles = motion[..., self.dim :]
         vector = np.zeros((*angles.shape[:-1], 3))
@@ -82,7 +85,7 @@ class RigidKinematics:
         return turned[..., : self.dim, : self.dim]
 
     def seen(self, x: Array, motion: Array) -> Array:
-        """Return positions in the frame of the moved body, shape (n, dim).
+        """Return positions in the frame that moves with the body, shape (n, dim).
 
         Args:
             x: positions in space, shape (n, dim).
@@ -92,14 +95,22 @@ class RigidKinematics:
         return self.about + (arm[:, None] @ self.rotation(motion))[:, 0]
 
     def carried(self, x: Array, motion: Array) -> Array:
-        """Return displacements of material points x by a motion of any size, shape (n, dim)."""
+        """Return displacements of material points due to a motion of any size, shape (n, dim).
+
+        Args:
+            x: initial positions of the material points, shape (n, dim).
+            motion: motion of the body, shape (k,).
+        """
         arm = x - self.about
         return motion[: self.dim] + arm @ self.rotation(motion).T - arm
 
     def spin(self, motion: Array) -> Array:
-        """Return L, which maps rates of the rotation vector to the spin of the body.
+        """Return the matrix that maps rates of the rotation vector to the spin of the body.
 
-        Shape (1, 1) in 2D and (3, 3) in 3D.
+        It has shape (1, 1) in 2D and (3, 3) in 3D.
+
+        Args:
+            motion: motion of the body, shape (k,).
         """
         if self.dim == 2:
             return np.eye(1)
@@ -113,7 +124,7 @@ class RigidKinematics:
         return np.eye(3) + first * S + second * S @ S
 
     def velocity(self, x: Array, motion: Array, rate: Array) -> Array:
-        """Return velocities of the material points at x, shape (n, dim).
+        """Return velocities of the points of the moving body at given positions, shape (n, dim).
 
         Args:
             x: positions in space, shape (n, dim).
@@ -125,7 +136,12 @@ class RigidKinematics:
         return rate[: self.dim] + self.crossed(turning, arm)
 
     def crossed(self, turning: Array, v: Array) -> Array:
-        """Return the products w x v of a spin w with vectors v, shape (n, dim)."""
+        """Return the cross products w x v of a spin w with vectors v, shape (n, dim).
+
+        Args:
+            turning: spin w, shape (1,) in 2D and (3,) in 3D.
+            v: vectors, shape (n, dim).
+        """
         if self.dim == 2:
             return turning * np.stack([-v[:, 1], v[:, 0]], axis=1)
         return np.asarray(np.cross(turning, v))
@@ -133,11 +149,16 @@ class RigidKinematics:
     # -- small motions and forces ----------------------------------------------------------------
 
     def field(self, x: Array, motion: Array) -> Array:
-        """Return Phi q, the displacements of points x by a small motion q, shape (n, dim)."""
+        """Return displacements of points due to a small motion of the body, shape (n, dim).
+
+        Args:
+            x: points, shape (n, dim).
+            motion: small motion, shape (k,).
+        """
         return motion[: self.dim] + self.crossed(motion[self.dim :], x - self.about)
 
     def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
-        """Return Phi^T f: resultant force and moment about the reference point, shape (k,).
+        """Return resultant force and moment about the reference point, shape (k,).
 
         Args:
             x: points of action, shape (n, dim).
@@ -158,10 +179,11 @@ class RigidBody(ReadOnly, Obstacle):
     The components of its motion are the displacements ``x``, ``y`` (``z``) of the reference point
     and the rotations ``rz`` (``rx``, ``ry``, ``rz``) about it. Each component is either free, with
     a load (a force, or a moment about the reference point), or prescribed, with a motion. Values
-    are numbers, scalar Constants or UFL of these, which may be changed later. In small sliding the
-    motion is small, and gap and normal belong to the shape in its initial position. In large
-    sliding the shape moves with the body, by displacements of any size and prescribed rotations (in
-    3D the components of the rotation vector); free rotations are small.
+    are numbers, scalar Constants, or UFL expressions of Constants; the values of Constants may be
+    changed later. In small sliding, the motion is assumed to be small, and gap and normal belong to
+    the shape in its initial position. In large sliding, the shape moves with the body.
+    Displacements and prescribed rotations may then be large (in 3D, rotations are components of the
+    rotation vector); free rotations are assumed to be small.
 
     Several contact surfaces may touch one rigid body. Problems with rigid bodies are solved by the
     direct solver; multigrid does not support them.
@@ -171,22 +193,22 @@ class RigidBody(ReadOnly, Obstacle):
         about: reference point.
         load: forces and moments of free components.
         motion: displacements and rotations (radians) of prescribed components.
-        free: free components without a load.
-        held: prescribed components with zero motion.
+        free: names of free components without a load.
+        held: names of components whose motion is prescribed as zero.
         name: name in messages and results.
 
     Attributes:
         shape: obstacle in its initial position.
         name: name in messages and results.
         about: reference point, shape (dim,).
-        kinematics: motion of its points.
+        kinematics: motion of the points of the body.
         components: names of all components.
         given: prescribed load or motion of each component, by name.
         fixed: mask of the prescribed components, shape (3,) or (6,).
-        values: displacement and rotation of the last solution, the start of the next solve, shape
-            (3,) or (6,). Each problem should have a rigid body of its own, because the last
-            solve of any problem sets the values. They may be set; all other attributes are
-            read-only, and loads and motions that are to change are Constants.
+        values: displacement and rotation of the last solution, which are the start of the next
+            solve, shape (3,) or (6,). Each problem should have a rigid body of its own, because the
+            last solve of any problem sets the values. This attribute is writable; all other
+            attributes are read-only. Use Constants for loads and motions that are to change.
 
     Raises:
         ValueError: if a component is missing, repeated or unknown, or a value is neither a finite
@@ -254,12 +276,12 @@ class RigidBody(ReadOnly, Obstacle):
 
     @property
     def rotation(self) -> Array:
-        """Rotation about the reference point, shape (1,) in 2D and (3,) in 3D."""
+        """Rotation about the reference point in radians, shape (1,) in 2D and (3,) in 3D."""
         return self.values[self.dim :]
 
     @property
     def expressions(self) -> list[Any]:
-        """Loads and motions in UFL by component."""
+        """Loads and prescribed motions in UFL, one per component."""
         return [self.given[c] for c in self.components]
 
     # -- obstacle --------------------------------------------------------------------------------
@@ -281,13 +303,13 @@ class RigidBody(ReadOnly, Obstacle):
 
     @property
     def fixed_across_axis(self) -> bool:
-        """Whether the body moves only along the axis of revolution x = 0."""
+        """Whether the body can move only along the axis of revolution x = 0."""
         zero = [isinstance(e, ufl.constantvalue.Zero) for e in self.expressions]
         return bool(self.fixed[0] and zero[0] and self.fixed[2] and zero[2])
 
     @property
     def turns_freely(self) -> bool:
-        """Whether a rotation is free."""
+        """Whether a rotation component of the body is free."""
         return not bool(self.fixed[self.dim :].all())
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
@@ -298,7 +320,7 @@ class RigidBody(ReadOnly, Obstacle):
         return self.shape.on(domain)
 
     def _check(self, domain: mesh.Mesh) -> None:
-        """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
+        """Raise ``ValueError`` if the body does not fit to a mesh. Not collective."""
         if domain.geometry.dim != self.dim:
             raise ValueError(
                 f"{self.name}: the reference point has {self.dim} components, the mesh "
@@ -310,7 +332,9 @@ class RigidBody(ReadOnly, Obstacle):
     # -- motions ---------------------------------------------------------------------------------
 
     def moves(self, x: Array) -> Mask:
-        """Return the mask of the displacement components that free motions may change.
+        """Return the mask of the components in which free motions can displace points.
+
+        The mask has shape (n, dim).
 
         Args:
             x: points, shape (n, dim).
@@ -325,23 +349,23 @@ class RigidBody(ReadOnly, Obstacle):
         return found
 
     def numbers(self) -> Array:
-        """Return the present loads and motions by component."""
+        """Return the current values of the loads and prescribed motions, one per component."""
         return np.array([number(e) for e in self._plain])
 
     def described(self) -> str:
-        """Return the data that must be the same on every rank."""
+        """Return a text with the data of the body that must be the same on every rank."""
         given = {c: float(v) for c, v in zip(self.components, self.numbers(), strict=True)}
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
 @dataclass(frozen=True, eq=False)
 class Partner:
-    """Obstacle of a surface as the frame of reference of its displacements.
+    """Obstacle of a surface as the frame of reference for displacements of the body.
 
     Attributes:
         body: rigid body; None if the obstacle is not a rigid body.
         x: positions of the local nodes of the displacement, shape (nodes, dim).
-        turns: whether the surface follows a rigid body that rotates by any angle.
+        turns: whether the frame rotates with the rigid body, by any angle.
     """
 
     body: RigidBody | None
@@ -349,7 +373,7 @@ class Partner:
     turns: bool
 
     def relative(self, u: Array, motion: Array | None) -> Array:
-        """Return displacements relative to the rigid body; unchanged without one.
+        """Return displacements relative to the rigid body; unchanged without a rigid body.
 
         Args:
             u: displacement at the first n local nodes, shape (n, dim).
@@ -363,13 +387,15 @@ class Partner:
         return rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
 
     def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
-        """Return the derivative of `relative`, in the frame that rotates with the body.
+        """Return the derivative of `relative` along a motion of both bodies, shape (n, dim).
+
+        If the frame rotates, the derivative does not include its rotation.
 
         Args:
             u: displacement at the first n local nodes, shape (n, dim).
             motion: motion of the rigid body, shape (k,).
-            du: direction of the displacement, shape (n, dim).
-            change: direction of the motion, shape (k,).
+            du: direction of the derivative with respect to the displacement, shape (n, dim).
+            change: direction of the derivative with respect to the motion, shape (k,).
         """
         if self.body is None or not self.turns:
             return self.relative(du, change)
@@ -383,9 +409,12 @@ class Partner:
         return self.body.kinematics.rotation(motion)
 
     def dragged(self, x: Array) -> Array:
-        """Return present displacements of the rigid body at points x, shape (n, dim).
+        """Return the current displacements of the rigid body at given points, shape (n, dim).
 
-        0 if the obstacle is not a rigid body.
+        They are 0 if the obstacle is not a rigid body.
+
+        Args:
+            x: points, shape (n, dim).
         """
         if self.body is None:
             return np.zeros_like(x)
@@ -399,7 +428,7 @@ def shape_of(obstacle: Obstacle) -> Obstacle:
 
 
 def number(e: Any) -> float:
-    """Return the value of a UFL scalar of Constants without derivatives."""
+    """Return the value of a UFL scalar that contains only Constants and no derivatives."""
     if isinstance(e, ufl.constantvalue.ScalarValue | ufl.constantvalue.Zero):
         return float(e)
     known = {c: np.asarray(c.value, dtype=np.float64)[()] for c in extract_constants(e)}
@@ -407,7 +436,7 @@ def number(e: Any) -> float:
 
 
 def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
-    """Return loads or motions by component.
+    """Return the names of components and their loads or motions.
 
     Args:
         values: loads or motions by component.
@@ -425,7 +454,15 @@ def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
 
 
 def _scalar(value: Any, what: str) -> Any:
-    """Return a load or motion as a UFL scalar of Constants, or raise ``ValueError``."""
+    """Return a load or motion as a UFL scalar of Constants.
+
+    Args:
+        value: number, Constant or UFL expression of Constants.
+        what: description of the value, for messages.
+
+    Raises:
+        ValueError: if the value is neither a finite number nor such a scalar.
+    """
     value = ufl.as_ufl(scalar(value, what))
     if not is_uniform(value):
         raise ValueError(f"{what} may contain Constants, but neither Functions nor the position")

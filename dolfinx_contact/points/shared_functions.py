@@ -24,8 +24,8 @@ The functions of the removed multipliers are added to the functions of adjacent 
 
 so that they still sum to 1 everywhere, and a uniform traction is transmitted to the master up to
 the support. They remain biorthogonal to the free slave nodes (Wohlmuth, as above; in 3D Puso, Int.
-J. Numer. Methods Eng. 59, 2004). In the integral method the hat functions N_p of the multiplier are
-distributed instead.
+J. Numer. Methods Eng. 59, 2004). With ``method="integral"``, the hat functions N_p of the
+multiplier are distributed instead.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def crossings(
     surfaces: Sequence[tuple[SurfaceFacets, Opposite | None]],
     fixed: Mask,
 ) -> tuple[list[Mask], Mask]:
-    """Return the positions at which jumps of pairs form loops. Collective.
+    """Return the nodes at which the jumps of several pairs form a closed loop. Collective.
 
     Args:
         V: displacement space.
@@ -72,8 +72,8 @@ def crossings(
         fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
 
     Returns:
-        Mask of the local vertices of each surface, and mask of the local nodes of the displacement
-        on both faces.
+        Mask of these nodes among the local vertices of each surface, and mask of these nodes among
+        the local nodes of the displacement, on both faces.
     """
     comm = V.mesh.comm
     nodes_of = V.dofmap.index_map
@@ -100,10 +100,10 @@ def crossings(
 
 
 def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
-    """Return the number of edges at each owned node. Collective.
+    """Return the number of edges of a graph at each owned node. Collective.
 
     Args:
-        V: displacement space.
+        V: displacement space, whose nodes are the nodes of the graph.
         ends: global nodes at the ends of the edges of this rank, shape (n, 2).
     """
     owned = V.dofmap.index_map.size_local
@@ -111,13 +111,13 @@ def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
 
 
 def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
-    """Return the mask of the edges of a rank that belong to loops or connect loops.
+    """Return the mask of the edges of a graph that belong to loops or connect loops.
 
-    Edges with a free end are removed until none is left.
+    Other edges are found by repeatedly removing edges with a free end.
 
     Args:
-        parts: ends of the edges by rank, shape (n, 2) each.
-        rank: number of the rank.
+        parts: nodes at the ends of the edges of each rank, shape (n, 2) each.
+        rank: rank whose edges are returned.
     """
     ends = np.concatenate(parts)
     left: Mask = np.ones(len(ends), dtype=bool)
@@ -137,9 +137,10 @@ def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
 
 
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
-    """Return the mask of components in which neither a node nor its opposing point moves.
+    """Return the mask of components in which neither a node nor its opposing point can move.
 
-    Collective. Nodes without an opposing point, which have no jump, are included.
+    The mask has shape (local nodes, dim). All components of nodes without an opposing point, which
+    have no jump, are included. Collective.
 
     Args:
         V: displacement space.
@@ -152,7 +153,10 @@ def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
 
 
 def clamped_ends(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
-    """Return the mask of nodes with a fixed jump whose function overlaps free nodes. Collective.
+    """Return the mask of mortar nodes with a fixed jump that overlap free master nodes.
+
+    At such a node Dirichlet data fix the node and the master at its position, but its dual basis
+    function overlaps basis functions of free master nodes. Collective.
 
     Args:
         V: displacement space.
@@ -169,11 +173,11 @@ def clamped_ends(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
 
 
 def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
-    """Return opposing points without averaging at marked nodes.
+    """Return opposing points that are not mortar averages at marked nodes.
 
     Args:
         opposite: opposing points of all nodes.
-        nodes: mask of the local nodes that get the opposing point of their own position.
+        nodes: mask of the local nodes whose opposing point is to be that of their own position.
     """
     assert opposite.common is not None
     places = opposite.common.places
@@ -195,7 +199,9 @@ def shared(
     idle: Mask,
     areas: Array,
 ) -> tuple[PETSc.Mat, Array, Mask]:
-    """Return the matrix of means over the enlarged basis functions of the vertices. Collective.
+    """Return the matrix of means weighted with enlarged basis functions of vertices. Collective.
+
+    The basis functions of given vertices are added to those of surrounding vertices.
 
     Args:
         vertices: scalar P1 space of the slave facets.
@@ -223,7 +229,9 @@ def shared(
 def receiving_vertices(
     vertices: fem.FunctionSpace, given: Mask, idle: Mask
 ) -> tuple[NodeWeights, Mask]:
-    """Return the vertices to which the basis functions of removed vertices are added. Collective.
+    """Return the vertices that receive basis functions of given vertices. Collective.
+
+    A function is added in equal parts to those of the surrounding vertices.
 
     Args:
         vertices: scalar P1 space of the slave facets.
@@ -264,7 +272,10 @@ def receiving_vertices(
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:
-    """Return the diagonal matrix of a mask of the owned vertices. Collective."""
+    """Return the diagonal matrix with entries 1 at marked owned vertices, 0 elsewhere.
+
+    Collective.
+    """
     at = vertices.dofmap.index_map.local_range[0] + np.flatnonzero(marked).astype(np.int64)
     shape = len(marked), len(marked)
     return triplet_matrix(vertices.mesh.comm, shape, at, at, np.ones(len(at)))

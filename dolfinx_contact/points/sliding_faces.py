@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Slave and master of a pair in large sliding, at any displacement. Collective throughout.
 
-A rank has the slave facets that it owns, and the master facets that may oppose these. The search
-for these candidates is repeated when nodes have moved, or normals turned, so far that others may
-oppose (`sliding_master`).
+A rank stores the slave facets that it owns, and the candidates: master facets that may oppose them.
+The search for candidates (`sliding_master`) is repeated when nodes have moved, or normals have
+turned, so far that other master facets may oppose the slave facets.
 """
 
 from __future__ import annotations
@@ -60,14 +60,16 @@ _DEGREES = {2: 4, 3: 2}
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingOpposite(Opposite):
-    """Master in large sliding; nodes and weights are empty, because they depend on the state.
+    """Master of a pair in large sliding, with its search distance and planes of symmetry.
+
+    The inherited nodes and weights are empty, because they depend on the state.
 
     Attributes:
         depth: search distance in front of the slave and behind it.
-        direction: for self-contact, direction along which slave facets lie farther in the mesh,
-            shape (dim,); None for two faces.
-        across: mask of the components normal to planes of symmetry, on which normals and slips are
-            means with their mirror images, shape (local nodes, dim).
+        direction: for self-contact, direction that selects the slave: of two opposing facets, the
+            one that lies farther along it in the mesh, shape (dim,); None for two faces.
+        across: mask of the components normal to the planes of symmetry on which nodes lie, shape
+            (local nodes, dim). Normals and slips at these nodes are means with their mirror images.
         planes: positions of the planes of symmetry by axis. Images of the master lie behind them
             and beyond the axis of bodies of revolution.
     """
@@ -83,12 +85,12 @@ class SlidingOpposite(Opposite):
 
 
 class _Corners(NamedTuple):
-    """Both faces at a displacement.
+    """Positions of both faces at a displacement.
 
     Attributes:
         slave: corners of the slave facets, shape (n, k, dim).
-        master: corners of the candidates, shape (m, b, dim).
-        vectors: sum m of the area vectors of the facets around each local vertex, shape
+        master: corners of the candidate master facets, shape (m, b, dim).
+        vectors: sum of the area vectors of the slave facets around each local vertex, shape
             (vertices, dim).
     """
 
@@ -98,14 +100,16 @@ class _Corners(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """Common parts p of slave and master facets, with q quadrature points each.
+    """Common parts of slave and master facets, with quadrature points.
+
+    In the shapes, p is the number of common parts, and q that of quadrature points on each.
 
     Attributes:
         facet: slave facet of each part, shape (p,).
         master: master facet of each part, an index of the candidates, shape (p,).
         basis: linear basis of the k slave corners at the points, shape (p, q, k).
         weights: quadrature weights in the reference configuration, shape (p, q).
-        places: reference coordinates at which the slave normals meet the master facets, shape
+        places: reference coordinates of the opposing points on the master facets, shape
             (p, q, dim - 1).
     """
 
@@ -117,7 +121,7 @@ class _Pieces(NamedTuple):
 
 
 class _Searched(NamedTuple):
-    """Positions at a search, from which the distance to the next one is measured.
+    """Positions and normals at the last search, to decide when the next search is necessary.
 
     Attributes:
         slave: corners of the slave facets, shape (n, k, dim).
@@ -131,12 +135,12 @@ class _Searched(NamedTuple):
 
 
 class SlidingFaces:
-    """Slave and master, and their opposing parts at a displacement.
+    """Slave and master of a pair in large sliding, and their opposing parts at a displacement.
 
     Args:
         V: displacement space of degree 1.
         slave: facets of the slave.
-        opposite: the other face.
+        opposite: master.
         axisymmetric: whether the bodies are bodies of revolution.
 
     Attributes:
@@ -145,13 +149,13 @@ class SlidingFaces:
         slave_nodes: global nodes of the displacement at these corners, shape (n, k).
         found: candidates of the last search.
         searches: number of searches.
-        kept: 0 for vector components that cancel with their mirror image, otherwise 1, shape
-            (vertices, dim).
-        images: factors that add the contributions of mirror images to sums around vertices, shape
-            (vertices, dim).
-        removed: removed overlaps of the mesh at the local vertices.
-        lost: in self-contact, mask of the facets that start inside the body and have no opposing
-            facet within the search distance.
+        kept: factors 0 for vector components at vertices that cancel with those of their mirror
+            image across a plane of symmetry, otherwise 1, shape (vertices, dim).
+        images: factors that add the contributions of mirror images to sums of vectors around
+            vertices, shape (vertices, dim).
+        removed: overlaps in the mesh that are subtracted from gaps, at the local vertices.
+        lost: in self-contact, mask of the slave facets that start inside the body and have no
+            opposing facet within the search distance.
     """
 
     found: Candidates
@@ -203,7 +207,7 @@ class SlidingFaces:
     # -- nodes -----------------------------------------------------------------------------------
 
     def of_slave(self, values: Array) -> Array:
-        """Return values at the corners of the slave facets, shape (n, k, dim).
+        """Return nodal values at the corners of the slave facets, shape (n, k, dim).
 
         Args:
             values: values at the owned nodes, shape (nodes, dim).
@@ -211,11 +215,13 @@ class SlidingFaces:
         return self._facets.at_corners(self._node_exchange.from_owners(values))
 
     def sums(self, facet: Ints, values: Array) -> Array:
-        """Sum values at facet corners over the parts around each local vertex.
+        """Return, for each local vertex, the sum of values at slave corners over the common parts.
+
+        The common parts are those of slave and master facets.
 
         Args:
             facet: slave facet of each part, shape (p,).
-            values: values at the corners, shape (p, k, ...).
+            values: values at the corners of the slave facets of the parts, shape (p, k, ...).
 
         Returns:
             Sums, shape (vertices, ...).
@@ -223,7 +229,11 @@ class SlidingFaces:
         return self.vertex_exchange.sums(self.corners[facet], values)
 
     def positions(self, u: Array) -> Array:
-        """Return the corners of the slave facets at a displacement, shape (n, k, dim)."""
+        """Return the positions of the corners of the slave facets, shape (n, k, dim).
+
+        Args:
+            u: displacement of the owned nodes, shape (nodes, dim).
+        """
         return self._facets.at_corners(self._X + self._node_exchange.from_owners(u))
 
     @property
@@ -233,23 +243,30 @@ class SlidingFaces:
 
     @cached_property
     def whole(self) -> Candidates | None:
-        """Candidates that pair each slave facet with each master facet; None for too many pairs."""
+        """Candidates pairing every slave facet with every master facet; None if too many."""
         return self.master.whole(len(self.corners))
 
     @property
     def free_to_spin(self) -> Array:
-        """Factors of the spins at the vertices, shape (vertices,).
+        """Factors of the spins of the faces about the normals at the vertices, shape (vertices,).
 
-        0 on planes of symmetry, where spins cancel with those of the mirror images; otherwise 1.
+        They are 0 at vertices on planes of symmetry, where spins cancel with those of the mirror
+        images, and 1 at other vertices.
         """
         return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
-        """Return derivatives of area vectors by the corners, shape (n, dim, k, dim)."""
+        """Return derivatives of the area vectors of slave facets with respect to the corners.
+
+        The shape is (n, dim, k, dim).
+
+        Args:
+            x: corners of the slave facets, shape (n, k, dim).
+        """
         return self._facets.sense[:, None, None, None] * area_vector_rates(x)
 
     def at_nodes(self, of_facets: Array) -> Array:
-        """Return sums of facet vectors around local vertices, including mirror images.
+        """Return sums of facet vectors around the local vertices, including mirror images.
 
         Args:
             of_facets: vectors of the slave facets, shape (n, dim).
@@ -257,10 +274,10 @@ class SlidingFaces:
         return self.images * self._facets.around_vertices(of_facets)
 
     def forces(self, facing: Facing, values: Array) -> Array:
-        """Return forces at the owned displacement dofs as a flat array.
+        """Return nodal forces at the owned displacement dofs as a flat array.
 
         Args:
-            facing: opposing parts.
+            facing: common parts of slave and master facets.
             values: forces at the corners of both facets or their images, shape (p, c, dim).
         """
         dofs = self.dim * facing.nodes[:, :, None] + np.arange(self.dim)
@@ -271,12 +288,12 @@ class SlidingFaces:
     # -- search ----------------------------------------------------------------------------------
 
     def _search(self, x: Array, direction: Array | None) -> None:
-        """Repeat the search for candidates if nodes have moved too far since the last one.
+        """Search for candidates again if nodes have moved too far since the last search.
 
         Args:
-            x: positions of the local nodes.
+            x: positions of the local nodes, shape (nodes, dim).
             direction: for self-contact, direction that selects the slave facets (`_select_slave`);
-                None for all pairs of facets.
+                None to keep all pairs of facets.
         """
         slave = self._facets.faces(self._facets.at_corners(x))
         now = _Searched(slave.x, x[self.master.places], slave.normals)
@@ -298,7 +315,7 @@ class SlidingFaces:
     def _covered(
         self, slave: Array, master: Array, pairs: Ints, deepest: float | Array, **limits: float
     ) -> Cover:
-        """Return the opposing parts of slave facets and candidates.
+        """Return the parts of slave facets that candidate master facets cover.
 
         Args:
             slave: corners of the slave facets, shape (n, k, dim).
@@ -312,12 +329,12 @@ class SlidingFaces:
         return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
 
     def farthest_behind(self, far: float) -> float:
-        """Return the largest distance by which an opposing facet lies behind a slave facet.
+        """Return the largest distance of an opposing master facet behind a slave facet.
 
-        Distances are measured in the undeformed mesh. Collective.
+        The distance is measured in the undeformed mesh. Collective.
 
         Args:
-            far: search distance.
+            far: largest distance of facets that are considered.
         """
         slave = self._facets.faces(self._reference)
         found = self.master.candidates(slave, self._X[self.master.places], far)
@@ -326,9 +343,10 @@ class SlidingFaces:
         return maximum(self.comm, -_heights(common))
 
     def sharpest_edge(self) -> tuple[float, Array]:
-        """Return the largest angle in degrees between facet and node normals, and its position.
+        """Return the largest angle between facet and node normals at edges, and its position.
 
-        At an edge the facets around a node lie behind the plane perpendicular to its normal.
+        The angle is in degrees. A node lies on an edge if the facets around it lie behind the plane
+        perpendicular to its normal.
         """
         x = self._reference
         vectors = self._facets.vectors(x)
@@ -346,12 +364,16 @@ class SlidingFaces:
     # -- self-contact ----------------------------------------------------------------------------
 
     def _select_slave(self, direction: Array) -> None:
-        """Select the pairs whose slave lies farther along a direction and that are not neighbours.
+        """Keep the pairs of self-contact in which the slave lies farther along a direction.
 
-        Neighbours share a node, or are near each other in the mesh without facing each other there.
-        At equal distance the slave is the facet that lies farther along the first coordinate that
-        differs. At equal distance an image is never the slave, because its facet faces the plane of
-        symmetry itself.
+        Pairs of neighbours are removed: facets that share a node, or that are near each other in
+        the mesh without facing each other there. If both facets lie equally far, the slave is the
+        facet that lies farther along the first coordinate in which they differ. If one of them is
+        then a mirror image, the pair is removed, because the facet faces the plane of symmetry
+        itself.
+
+        Args:
+            direction: unit vector, shape (dim,).
         """
         i, k = self.found.pairs.T
         corners = self._found_before
@@ -369,7 +391,10 @@ class SlidingFaces:
         self.found = replace(self.found, pairs=self.found.pairs[kept])
 
     def _share_node(self) -> Mask:
-        """Return the mask of the pairs with a common node; images share nodes on their planes."""
+        """Return the mask of the pairs of facets with a common node.
+
+        A mirror image shares the nodes on its plane of symmetry.
+        """
         i, k = self.found.pairs.T
         same = self.slave_nodes[i][:, :, None] == self.found.nodes[k][:, None]
         off = self._reference[i][:, :, None] - self._found_before[k][:, None]
@@ -377,10 +402,11 @@ class SlidingFaces:
         return (same & near).any(axis=(1, 2))
 
     def _deepest_of_itself(self) -> Array:
-        """Return the largest overlap at which a facet does not meet the far side of its body.
+        """Return the largest overlap of each slave facet in self-contact, shape (n,).
 
-        It is half the thickness T of the undeformed body behind the facet, or (d + T)/2 for a facet
-        that starts inside the body at the depth d. The result has shape (n,).
+        With a larger overlap, the facet could meet the far side of its own body. The value is half
+        the thickness T of the undeformed body behind the facet, or (d + T)/2 for a facet that
+        starts inside the body at the depth d; at most the search distance.
         """
         self._search(self._X, None)
         self.searches = 0
@@ -405,7 +431,14 @@ class SlidingFaces:
         return np.minimum(0.5 * (start + thickness), self._depth)
 
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
-        """Return the pairs whose facets lie behind each other in the mesh, and their distances."""
+        """Return those pairs whose master facet lies behind the slave facet in the mesh.
+
+        Args:
+            pairs: indices of slave facets and candidates, shape (pairs, 2).
+
+        Returns:
+            Pairs, and their distances.
+        """
         corners = self._reference, self._found_before
         common = self._covered(*corners, pairs, self._depth, farthest=0.0)
         return np.stack([common.facet, common.other], axis=1), np.abs(_heights(common))
@@ -413,11 +446,12 @@ class SlidingFaces:
     # -- a state ---------------------------------------------------------------------------------
 
     def at(self, u: Array, before: Array | None, areas: Array) -> Facing:
-        """Return the opposing parts at a displacement.
+        """Return the common parts of slave and master facets, gaps and slips at a displacement.
 
         Args:
-            u: displacement at the first local nodes, at least the owned ones, shape (n, dim).
-            before: displacement of the owned nodes at the last accepted state; None for the mesh.
+            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
+            before: displacement of the owned nodes at the last accepted state; None if this state
+                is the undeformed mesh.
             areas: areas of the local vertices in the reference configuration.
         """
         self._search(self._X + self._node_exchange.from_owners(u), self._direction)
@@ -470,13 +504,17 @@ class SlidingFaces:
         )
 
     def _placed(self, u: Array) -> _Corners:
-        """Return both faces at a displacement."""
+        """Return the positions of both faces at a displacement of the owned nodes."""
         slave = self.positions(u)
         master = self._found_before + self.master.at_candidates(u, self.found)
         return _Corners(slave, master, self.at_nodes(self._facets.vectors(slave)))
 
     def _pieces(self, now: _Corners) -> _Pieces:
-        """Return the common parts of the facets with quadrature points."""
+        """Return the common parts of slave and master facets, with quadrature points.
+
+        Args:
+            now: positions of both faces.
+        """
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
         common = self._covered(now.slave, now.master, self.found.pairs, self._deepest, **limits)
         facet = common.facet
@@ -491,12 +529,13 @@ class SlidingFaces:
         return _Pieces(facet, common.other, basis.values, weights, rule.on_master)
 
     def _signs(self, master: Ints) -> Array:
-        """Return signs of the vector components at the corners of pieces, shape (p, c, dim).
+        """Return the signs of vector components at the corners of both facets, shape (p, c, dim).
 
         They are -1 for components that are mirrored, otherwise 1.
 
         Args:
-            master: master facet of each piece, an index of the candidates.
+            master: master facet of each of the p common parts of slave and master facets, an index
+                of the candidates.
         """
         mirrors = self.found.mirrors[master][:, None]
         mine, theirs = self.corners.shape[1], self.found.nodes.shape[1]
@@ -505,11 +544,12 @@ class SlidingFaces:
         return signs
 
     def _nodal(self, sums: Mapping[str, Array], m: Array, before: Array, areas: Array) -> Nodal:
-        """Return the values at the local vertices.
+        """Return weighted gaps, slips, normals and spins at the local vertices.
 
         Args:
-            sums: sums at the vertices of w N_a, m_ab, w N_a g, w N_a d and of w N_a times both
-                spins (`sliding_kinematics`).
+            sums: sums over the common parts of slave and master facets around each vertex, by name:
+                weights, products of basis functions with those of other corners, and weighted gaps,
+                slips, mean spins and relative spins (symbols in `sliding_kinematics`).
             m: sums of area vectors around the vertices, shape (n, dim).
             before: unit normals of the last accepted state, shape (n, dim).
             areas: areas of the vertices in the reference configuration, shape (n,).
@@ -536,11 +576,11 @@ class SlidingFaces:
         )
 
     def _measure(self, x: Array, slopes: Array) -> Array:
-        """Return ratios of the areas of facets and of the reference facet, shape (p, q).
+        """Return the ratios of areas on facets to areas on the reference facet, shape (p, q).
 
         Args:
             x: corners, shape (p, k, dim).
-            slopes: derivatives of the basis at the points, shape (p, q, k, dim - 1).
+            slopes: derivatives of the basis at q points of each facet, shape (p, q, k, dim - 1).
         """
         edges = tangents(x, slopes)
         if self.dim == 2:
@@ -549,11 +589,14 @@ class SlidingFaces:
 
 
 def _heights(common: Cover) -> Array:
-    """Return distances of master from slave midpoints along the slave normal, one per piece."""
+    """Return signed distances of master from slave facets, one for each common part of two facets.
+
+    They are distances between the midpoints of both facets along the slave normal.
+    """
     off = common.master.x[common.other].mean(axis=1) - common.slave.x[common.facet].mean(axis=1)
     return dot(off, common.slave.normals[common.facet])
 
 
 def _largest(off: Array) -> float:
-    """Return the length of the longest vector."""
+    """Return the largest Euclidean norm of several vectors."""
     return float(np.max(np.linalg.norm(off, axis=-1), initial=0.0))

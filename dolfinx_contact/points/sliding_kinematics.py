@@ -1,26 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Weighted gaps and slips of the slave nodes at a state, and their derivatives.
+"""Weighted gaps and slips of the slave nodes at a state, and their derivatives.
 
-With quadrature points q on the common parts of slave and master facets, weights w of the reference
-configuration, the gap g along the ray of each point, and the reference coordinates eta at which the
-ray meets the master (`cast`), a node a of the slave has
+Let N_a and N_b be the linear basis functions of the slave and master nodes. The common parts of
+slave and master facets have quadrature points q with weights w in the reference configuration. From
+each point, a ray along the slave normal meets the master at the reference coordinates eta, at a
+distance that is the gap g of the point (`cast`). A slave node a has the covered area W_a, the gap
+g_a and the slip d_a,
 
-    W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
+    W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a.
 
-where the slip is the vector, in the tangent plane of the last accepted state, between the two
-material points that face each other now,
+The slip d of a quadrature point is the vector, in the tangent plane of the last accepted state,
+between the two material points that face each other now,
 
     d = (I - n_o n_o^T) (y_o(eta) - x_o),
 
-with x_o, y_o and n_o of that state. A common rotation of both bodies does not change it, so that
-the tractions of sticking points turn with the bodies. The law of node a is evaluated at the jump
+with the slave point x_o, the master point y_o and the normal n_o in that state. A common rotation
+of both bodies does not change d, so that the tractions of sticking points turn with the bodies. The
+law of node a is evaluated at the jump
 
     j_a = -g_a n_a + S_a R_a d_a
 
 with the present normal n_a and the smallest rotation R_a from the normal of the last state to n_a;
 R_aq is the smallest rotation from n_o at the point to n_o at the node, so that slips on curved
-faces keep their lengths. In 3D S_a is the rotation about n_a by the mean angle by which both faces
-have turned about it since the last state,
+faces keep their lengths. In 3D, S_a is the rotation about n_a by the mean of the angles by which
+the two faces have turned about n_a since the last accepted state (in 2D it is the identity),
 
     psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
 
@@ -32,13 +35,15 @@ The tractions t of the nodes are nominal; their forces are w N_a t on the slave,
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Changes of the boundaries of the common parts are not differentiated.
 
-At a node that is barely covered, for example near the edge of the master, the gap is known only at
-that edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with its area A_a and a
-fixed fraction c; the remainder of its traction is the mean of the tractions around it,
+At a node that is barely covered, for example near the edge of the master, the gap can be determined
+only near that edge. The contact law of the node therefore gets the weight
+s = min(1, W_a / (c A_a)), with the area A_a of the node and a fixed fraction c. Otherwise its
+traction t_a approaches the mean of the tractions t_b of the surrounding slave nodes b,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
-so that tractions are continuous at the edge, also when a node becomes covered or uncovered.
+where tau_a is the traction required by the law. Tractions are thus continuous at the edge, also
+when a node becomes covered or uncovered.
 
 For bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
 reference configuration: tractions are nominal there too, so that w is constant when bodies move
@@ -80,15 +85,19 @@ _FOUND = 1e-12  # relative to the facet, last step of Newton's method
 
 @dataclass(frozen=True, eq=False)
 class CastRays:
-    """Rays from pieces p of slave facets, with q points each.
+    """Rays from points of slave facets along the slave normal to master facets (`cast`).
+
+    In the shapes, p is the number of common parts of facets, and q that of points on each.
 
     Attributes:
-        normal: normals n, shape (p, q, dim).
-        length: lengths of m, shape (p, q).
-        gap: gaps g, shape (p, q).
-        weights: weights N_b(eta) of the master nodes, shape (p, q, b).
-        slopes: derivatives of the weights with respect to eta, shape (p, q, b, dim - 1).
-        inverse: inverse of [Y | -n], shape (p, q, dim, dim).
+        normal: unit normals at the points, the directions of the rays, shape (p, q, dim).
+        length: lengths of the normals m before normalisation, shape (p, q).
+        gap: gaps along the rays, shape (p, q).
+        weights: basis functions of the b master nodes where the rays meet the master, shape
+            (p, q, b).
+        slopes: derivatives of these basis functions with respect to the reference coordinates,
+            shape (p, q, b, dim - 1).
+        inverse: inverse of the matrix [Y | -n] of `cast`, shape (p, q, dim, dim).
     """
 
     normal: Array
@@ -100,21 +109,25 @@ class CastRays:
 
     @property
     def by_normal(self) -> Array:
-        """Derivative dn/dm, shape (p, q, dim, dim)."""
+        """Derivatives of the unit normals with respect to the normals before normalisation.
+
+        The shape is (p, q, dim, dim).
+        """
         return unit_rates(self.normal, self.length)
 
 
 def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
-    r"""Intersect rays along slave normals with master facets.
+    """Intersect rays along slave normals with master facets.
 
-    A point x = sum_a N_a x_a of a slave facet has the normal n = m / |m|, m = sum_a N_a m_a, of the
-    vectors m_a at its nodes, each the sum of the area vectors of the facets around it. The ray from
-    x along n meets the facet y(eta) = sum_b N_b(eta) y_b of the master at
+    Let m_a be the sum of the area vectors of the facets around the slave node a at x_a, and N_a the
+    linear basis function of the node. The point x = sum_a N_a x_a of a slave facet then has the
+    normal n = m / |m| with m = sum_a N_a m_a. The ray from x along n meets the master facet with
+    the points y(eta) = sum_b N_b(eta) y_b at
 
         x + g n = y(eta),
 
-    which gives the gap g and the reference coordinates eta. With the columns Y_i = dy/deta_i the
-    derivatives along displacements dx_a, dy_b and changes dm_a solve
+    which gives the gap g and the reference coordinates eta. With the columns dy/deta_i of the
+    matrix Y, the derivatives of eta and g along displacements dx_a, dy_b and changes dm_a solve
 
         [Y | -n] (deta, dg) = dx - sum_b N_b dy_b + g dn,    dn = (I - n n^T) dm / |m|
 
@@ -154,7 +167,8 @@ class Spins(NamedTuple):
 
     Attributes:
         angle: angles, shape (n,).
-        by_corners: derivatives with respect to the present corners, shape (n, k, dim).
+        by_corners: derivatives of the angles with respect to the current corners, shape
+            (n, k, dim).
     """
 
     angle: Array
@@ -162,17 +176,18 @@ class Spins(NamedTuple):
 
 
 def spins(before: Array, now: Array, sense: Array) -> Spins:
-    r"""Return angles by which facets have turned about their normals, and their derivatives.
+    """Return the angles by which facets have turned about their normals, with derivatives.
 
-    Before, a facet has two vectors a_i perpendicular to its normal o, with the reciprocal vectors
-    a^i. The smallest rotation R from o to the present normal n turns these into g_i = R a^i. With
-    the present vectors e_i the facet has been deformed by F = sum_i e_i g_i^T. The rotation in its
-    polar decomposition is about n, by the angle
+    Let a_1 and a_2 be two edge vectors of the facet before, with the reciprocal vectors a^i in its
+    plane, o its unit normal before, e_i the current edge vectors and n the current unit normal. The
+    smallest rotation R from o to n turns the reciprocal vectors into g_i = R a^i. In addition to
+    this rotation, the facet has been deformed by F = sum_i e_i g_i^T. The rotation in the polar
+    decomposition of F is about n, by the angle psi with
 
         tan psi = s / c,    s = n . sum_i g_i x e_i,    c = sum_i g_i . e_i.
 
-    Normal parts of changes of e_i do not count. Where n turns, R turns about it by the angle
-    n.(o x dn)/(1 + o.n), by which psi is smaller.
+    Changes of e_i along n do not change psi. If n changes by dn, R turns about n by the angle
+    n.(o x dn)/(1 + o.n), by which psi decreases.
 
     Args:
         before: corners of the facets before, shape (n, k, dim).
@@ -208,19 +223,20 @@ def spins(before: Array, now: Array, sense: Array) -> Spins:
 
 @dataclass(frozen=True, eq=False)
 class Nodal:
-    """Values at the local vertices of the slave.
+    """Weighted gaps, slips, normals and spins at the local vertices of the slave.
 
     Attributes:
-        weight: covered areas W, 0 at nodes without an opposing part, shape (n,).
-        share: weights s of the laws, shape (n,).
-        around: sum of m_ab over the other nodes b at each vertex a, shape (n,).
-        gap: gaps g, shape (n,).
+        weight: covered areas, 0 at nodes without an opposing part, shape (n,).
+        share: weights of the contact laws, less than 1 at barely covered nodes, shape (n,).
+        around: integrals of products of the basis function of each vertex with those of all other
+            vertices, shape (n,).
+        gap: gaps, shape (n,).
         slip: slips d along the surface of the last accepted state, shape (n, dim).
         normal: unit normals n, shape (n, dim).
-        length: lengths of m, shape (n,).
-        before: normals of the last accepted state, shape (n, dim).
-        spin: angles psi, 0 in 2D, shape (n,).
-        apart: relative rotations psi_slave - psi_master of the faces, 0 in 2D, shape (n,).
+        length: lengths of the sums m of area vectors around the vertices, shape (n,).
+        before: unit normals of the last accepted state, shape (n, dim).
+        spin: mean angles psi by which both faces have turned about the normal, 0 in 2D, shape (n,).
+        apart: differences of the angles by which slave and master have turned, 0 in 2D, shape (n,).
     """
 
     weight: Array
@@ -236,17 +252,20 @@ class Nodal:
 
     @cached_property
     def inverse(self) -> Array:
-        """1/W, 0 without an opposing part, shape (n,)."""
+        """Inverses of the covered areas, 0 at nodes without an opposing part, shape (n,)."""
         return ratio(np.ones_like(self.weight), self.weight)
 
     @cached_property
     def _turned(self) -> Array:
-        """Rotation R, shape (n, dim, dim)."""
+        """Smallest rotations R from the normals of the last accepted state to the current ones.
+
+        The shape is (n, dim, dim).
+        """
         return rotation(self.before, self.normal)
 
     @cached_property
     def _spun(self) -> Array:
-        """Rotation S of vectors along the surface, shape (n, dim, dim)."""
+        """Rotations S about the normals by the angles `spin`, shape (n, dim, dim)."""
         n, dim = self.normal.shape
         if dim == 2:
             return np.broadcast_to(np.eye(dim, dtype=np.float64), (n, dim, dim)).copy()
@@ -256,40 +275,47 @@ class Nodal:
 
     @cached_property
     def rotation(self) -> Array:
-        """Rotation S R from the tangent plane of the last accepted state to the present one.
+        """Rotations S R from the tangent planes of the last accepted state to the current ones.
 
-        Shape (n, dim, dim).
+        They are the smallest rotations R from the earlier to the current normals, followed by
+        rotations S about the normals by the angles `spin`; shape (n, dim, dim).
         """
         return self._spun @ self._turned
 
     @property
     def slip_now(self) -> Array:
-        """Slip S R d, shape (n, dim)."""
+        """Slips since the last accepted state, rotated to the current state (`rotation`).
+
+        The shape is (n, dim).
+        """
         return transformed(self.rotation, self.slip)
 
     @property
     def by_spin(self) -> Array:
-        """Derivative of S R d with respect to psi, shape (n, dim)."""
+        """Derivatives of `slip_now` with respect to the angles `spin`, shape (n, dim)."""
         if self.normal.shape[1] == 2:
             return np.zeros_like(self.normal)
         return np.asarray(np.cross(self.normal, self.slip_now), dtype=np.float64)
 
     @property
     def jump(self) -> Array:
-        """Jump j, shape (n, dim)."""
+        """Jumps passed to the law: slips `slip_now` minus gaps times normals, shape (n, dim)."""
         return self.slip_now - self.gap[:, None] * self.normal
 
     @cached_property
     def by_normal(self) -> Array:
-        """Derivative dn/dm, shape (n, dim, dim)."""
+        """Derivatives of the normals with respect to the sums of area vectors around vertices.
+
+        The shape is (n, dim, dim).
+        """
         return unit_rates(self.normal, self.length)
 
     @cached_property
     def by_turning(self) -> Array:
-        """Derivative of S R d with respect to n, without the part that merely turns S R d with n.
+        """Derivatives of `slip_now` with respect to the normals, shape (n, dim, dim).
 
-        Shape (n, dim, dim). It is zero in 2D, and if the normal has not changed since the last
-        accepted state.
+        The change of a vector that merely turns with the normal is not included. The derivatives
+        are 0 in 2D, and if the normal has not changed since the last accepted state.
         """
         n = self.normal
         o = self.before
@@ -303,11 +329,14 @@ class Nodal:
 
 
 class RayRates(NamedTuple):
-    """Changes of the rays, or derivatives of these changes, shape (p, q, ...).
+    """Changes of rays, or derivatives of these changes (further axes), shape (p, q, ...).
+
+    In the shapes, p is the number of common parts of facets, and q that of points on each.
 
     Attributes:
-        place: changes of the reference coordinates eta, shape (p, q, dim - 1, ...).
-        gap: changes of the gaps, shape (p, q, ...).
+        place: changes of the reference coordinates at which the rays meet the master, shape
+            (p, q, dim - 1, ...).
+        gap: changes of the gaps along the rays, shape (p, q, ...).
     """
 
     place: Array
@@ -316,9 +345,10 @@ class RayRates(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Facing:
-    """Opposing parts p of slave and master, with q quadrature points each.
+    """Common parts of slave and master facets with quadrature points, at a displacement.
 
-    In shapes, a is the number of corners of a slave facet, b that of a master facet, and c = a + b.
+    In the shapes, p is the number of common parts, q that of quadrature points on each, a the
+    number of corners of a slave facet, b that of a master facet, and c = a + b.
 
     Attributes:
         found: candidates of the last search.
@@ -327,11 +357,13 @@ class Facing:
         nodes: global nodes at the corners of both facets, slave first, shape (p, c).
         signs: signs of the vector components at the corners, -1 if mirrored, otherwise 1, shape
             (p, c, dim).
-        basis: basis N_a at the points, shape (p, q, a).
-        areas: weights w of the reference configuration, shape (p, q).
-        rays: rays at the points.
-        along: R_aq (I - n_o n_o^T) Y_o of the last accepted state, shape (p, q, a, dim, dim - 1).
-        spins: derivatives of psi with respect to the corners of both facets, shape (p, c, dim).
+        basis: linear basis functions of the slave corners at the points, shape (p, q, a).
+        areas: quadrature weights in the reference configuration, shape (p, q).
+        rays: rays from the points to the master.
+        along: derivatives of the slips, as they enter the mean of each slave corner, with respect
+            to the reference coordinates on the master, shape (p, q, a, dim, dim - 1).
+        spins: derivatives of the mean angle by which both facets have turned with respect to their
+            corners, shape (p, c, dim).
         nodal: values at the vertices.
     """
 
@@ -349,7 +381,7 @@ class Facing:
 
     @cached_property
     def weighted(self) -> Array:
-        """Weighted basis w N_a, shape (p, a, q)."""
+        """Basis functions of the slave corners times quadrature weights, shape (p, a, q)."""
         return (self.areas[..., None] * self.basis).transpose(0, 2, 1)
 
     @cached_property
@@ -359,7 +391,11 @@ class Facing:
 
     @property
     def mass(self) -> Array:
-        """Contributions of each part to m_ab, 0 for a = b, shape (p, a, a)."""
+        """Mass matrices of the slave facets on the common parts, shape (p, a, a).
+
+        Entries are integrals of products of the basis functions of two slave corners over a common
+        part; diagonal entries are set to 0.
+        """
         found = self.weighted @ self.basis
         return found * (1.0 - np.eye(found.shape[1]))
 
@@ -368,7 +404,7 @@ class Facing:
 
         Args:
             v: displacements of the corners of both facets, shape (p, c, dim).
-            m: changes of the vectors m at the slave corners, shape (p, a, dim).
+            m: changes of the sums of area vectors at the slave corners, shape (p, a, dim).
         """
         rays = self.rays
         turned = rays.gap[..., None] * transformed(rays.by_normal, self.basis @ m)
@@ -376,9 +412,10 @@ class Facing:
         return RayRates(found[..., :-1], found[..., -1])
 
     def slopes(self) -> RayRates:
-        """Return the derivatives of `moved` with respect to v and m.
+        """Return the derivatives of the changes of the rays by the arguments of `moved`.
 
-        The last two axes have shape (c + a, dim).
+        The last two axes have shape (c + a, dim): displacements of the corners of both facets, then
+        changes of the sums of area vectors at the slave corners.
         """
         rays = self.rays
         by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Master facets, of any rank, that may oppose slave facets in large sliding."""
+"""Search, on all ranks, for master facets that may oppose slave facets in large sliding."""
 
 from __future__ import annotations
 
@@ -28,14 +28,17 @@ _FEW_PAIRS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Master facets found by a search, and their pairs with slave facets.
+    """Master facets that may oppose slave facets, as found by a search.
+
+    Mirror images of master facets behind planes of symmetry count as separate facets.
 
     Attributes:
         nodes: global nodes at the b corners of the master facets, each facet once, shape (n, b).
-        senses: signs of their area vectors, shape (n,).
-        mirrors: sign of each axis, -1 if the facet is the mirror image of the facet with these
+        senses: factors 1 or -1 that make the area vectors computed from the corners point outward,
+            shape (n,).
+        mirrors: factor of each axis, -1 if the facet is the mirror image of the facet with these
             nodes across a plane normal to the axis, otherwise 1, shape (n, dim).
-        pairs: indices of slave and master facets, shape (pairs, 2).
+        pairs: indices of slave and master facets that may oppose each other, shape (pairs, 2).
     """
 
     nodes: Ints
@@ -44,15 +47,19 @@ class Candidates:
     pairs: Ints
 
     def faces(self, x: Array) -> Faces:
-        """Return the master facets with their corners at positions x, shape (n, b, dim)."""
+        """Return the master facets with corners at given positions.
+
+        Args:
+            x: positions of the corners, shape (n, b, dim).
+        """
         return Faces(x, unit(self.senses[:, None] * area_vectors(x)), self.nodes)
 
 
 def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
-    """Return candidates from keys and pairs of facets.
+    """Return candidates from keys of master facets and pairs of facets.
 
     Args:
-        keys: columns of `Master._keys`, shape (n, dim + 1 + b).
+        keys: keys as returned by `Master._keys`, shape (n, dim + 1 + b) for b corners.
         pairs: indices of slave and master facets, shape (pairs, 2).
         dim: spatial dimension.
     """
@@ -66,7 +73,8 @@ class Master(MovingFacets):
     Args:
         V: displacement space of degree 1.
         facets: local facets of the master, ghosts included.
-        planes: positions of the planes by axis, and of the axis of a body of revolution.
+        planes: positions of the planes of symmetry by axis, and of the axis of a body of
+            revolution.
     """
 
     def __init__(self, V: fem.FunctionSpace, facets: Indices, planes: Mapping[int, float]):
@@ -85,7 +93,7 @@ class Master(MovingFacets):
             slave: slave facets of this rank.
             x: positions of the corners of the master, shape (n, b, dim).
             depth: distance in front of the slave and behind it up to which facets are found.
-            skin: additional distance, so that the facets remain valid while bodies move a little.
+            skin: additional distance, so that the result remains valid while bodies move by less.
         """
         places, keys = [], []
         for mirror in self._mirrors:
@@ -101,23 +109,33 @@ class Master(MovingFacets):
         return _candidates(found["key"], pairs, self._dim)
 
     def _keys(self, facets: Ints, mirror: Array) -> Ints:
-        """Return keys of mirror images, one row per facet.
+        """Return integer keys that identify master facets or their mirror images, one row each.
 
-        The columns are the signs of the axes, -1 if mirrored, the sign of the area vector, and the
-        nodes.
+        The columns are the sign of each axis (-1 if mirrored), the sign of the area vector, and the
+        global nodes of the corners.
+
+        Args:
+            facets: indices of the facets.
+            mirror: sign of each axis, shape (dim,).
         """
         signs = np.broadcast_to(mirror, (len(facets), self._dim))
         senses = np.prod(mirror) * self.sense[facets]
         return np.column_stack([signs, senses, self.nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
-        """Return the vectors that shift mirrored positions behind their planes, shape (m, dim)."""
+        """Return the vectors that shift mirrored positions behind their planes of symmetry.
+
+        Args:
+            mirrors: sign of each axis, -1 if mirrored, shape (dim,) or (m, dim), which is the shape
+                of the result.
+        """
         return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def whole(self, slave: int) -> Candidates | None:
         """Return candidates that pair every slave facet with every master facet. Collective.
 
-        None if there are too many pairs. Images have the same nodes as their facets.
+        None if there are too many pairs. Mirror images are not included, because they have the same
+        nodes as their facets.
 
         Args:
             slave: number of slave facets of this rank.
@@ -133,10 +151,12 @@ class Master(MovingFacets):
         return _candidates(facets, pairs.astype(np.int64), self._dim)
 
     def at_candidates(self, values: Array, found: Candidates) -> Array:
-        """Return vectors at the corners of candidates, shape (m, b, dim). Collective.
+        """Return nodal vectors at the corners of candidate facets, shape (m, b, dim). Collective.
+
+        At the corners of mirror images, the vectors are mirrored.
 
         Args:
-            values: vectors at the first local nodes, at least the owned ones, shape (n, dim).
+            values: vectors at the owned nodes; further rows are ignored, shape (n, dim).
             found: candidates.
         """
         owned = np.ascontiguousarray(values[: self._V.dofmap.index_map.size_local])
@@ -144,5 +164,10 @@ class Master(MovingFacets):
         return at * found.mirrors[:, None]
 
     def positions(self, x: Array, found: Candidates) -> Array:
-        """Return positions of the corners of candidates, shape (m, b, dim). Collective."""
+        """Return positions of the corners of candidate facets, shape (m, b, dim). Collective.
+
+        Args:
+            x: positions of the owned nodes; further rows are ignored, shape (n, dim).
+            found: candidates.
+        """
         return self.at_candidates(x, found) + self._behind(found.mirrors)[:, None]

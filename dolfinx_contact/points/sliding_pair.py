@@ -52,15 +52,17 @@ _REACH = 0.25  # default search distance, relative to the size of the smaller fa
 
 
 class SlidingPair(DiscreteSurface):
-    """Discretisation of a `ContactPair` in large sliding, or of `SelfContact`. Collective.
+    """Discretisation of a `ContactPair` in large sliding, or of `SelfContact`.
+
+    All methods are collective.
 
     Args:
-        contact: description.
+        contact: description of the contact.
 
     Raises:
-        ValueError: on every rank, as `DiscreteSurface`; and if the slave has an edge, two faces
-            share a node, the master lies behind the slave, the bodies overlap by more than is
-            allowed, or the law needs the total slip.
+        ValueError: on every rank, for the reasons listed in `DiscreteSurface`; or if the slave has
+            an edge, two faces share a node, the master lies behind the slave, the bodies overlap by
+            more than is allowed, or the law needs the total slip.
     """
 
     points: SlidingPoints
@@ -82,7 +84,7 @@ class SlidingPair(DiscreteSurface):
             self.points.remove_overlap_of_mesh()
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Raise ``ValueError`` if nodes can leave their planes of symmetry. Collective."""
+        """Raise ``ValueError`` if Dirichlet data let nodes leave planes of symmetry. Collective."""
         free = (self.points.opposite.across & ~fixed)[: self.owned_nodes]
         count = count_of(self.comm, free.any(axis=1))
         require(
@@ -134,7 +136,10 @@ class SlidingPair(DiscreteSurface):
         )
 
     def _require_apart(self) -> None:
-        """Raise ``ValueError`` if faces overlap by too much in the mesh. Collective."""
+        """Raise ``ValueError`` if both faces overlap by more than is allowed. Collective.
+
+        Overlaps are measured in the undeformed mesh.
+        """
         points, overlap = self.points, self._overlap
         allowed = _OVERLAP * points.geometry.facet_size
         words = "or remove_overlap for a start without stress"
@@ -161,7 +166,7 @@ class SlidingPair(DiscreteSurface):
 
 
 def _check_law(law: LawAtPoints, name: str) -> None:
-    """Raise ``ValueError`` if a law needs more than slip increments. Not collective."""
+    """Raise ``ValueError`` if a law depends on more than slip increments. Not collective."""
     compiled = law.compiled
     for what, has in (
         ("averages the pressure around points", law.law.averaging is not None),
@@ -177,7 +182,7 @@ def _check_law(law: LawAtPoints, name: str) -> None:
 
 
 class SlidingFacets(Obstacle):
-    """Obstacle of a pair in large sliding: facets of another body in the same mesh.
+    """Obstacle of a pair in large sliding: master facets in the same mesh.
 
     Args:
         contact: description of the pair, or of self-contact.
@@ -234,7 +239,10 @@ class SlidingFacets(Obstacle):
 
     @property
     def flat(self) -> bool:
-        """Always True: any displacement is admissible, since opposing points follow the state."""
+        """Always True: displacements of any size are admissible.
+
+        The opposing points are determined again at every state.
+        """
         return True
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
@@ -244,7 +252,9 @@ class SlidingFacets(Obstacle):
 def _across_planes(
     V: fem.FunctionSpace, sides: Sides, planes: Mapping[int, float], name: str
 ) -> Mask:
-    """Return the components normal to planes of symmetry, shape (local nodes, dim). Collective.
+    """Return the mask of components normal to planes of symmetry on which nodes lie.
+
+    The mask has shape (local nodes, dim). Collective.
 
     Args:
         V: Lagrange space.
@@ -281,12 +291,14 @@ def _across_planes(
 
 
 class SlidingPoints(NodePoints):
-    """Nodes of a slave sliding over its master; see `sliding_kinematics`.
+    """Contact points in large sliding of pairs: the nodes of the slave.
+
+    Gaps and slips are weighted means, see `sliding_kinematics`.
 
     Attributes:
         faces: slave and master.
         opposite: master, with its planes of symmetry and search distance.
-        known: operator B at the displacement of the last evaluation.
+        known: operator from displacements to jumps at the displacement of the last evaluation.
     """
 
     method: ClassVar[ContactMethod] = "mixed"
@@ -304,25 +316,31 @@ class SlidingPoints(NodePoints):
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
     def remove_overlap_of_mesh(self) -> None:
-        """Subtract the overlap of slave and master in the mesh from all later gaps. Collective."""
+        """Subtract overlaps of both faces in the mesh from all later gaps. Collective."""
         self.faces.removed = -np.minimum(self.known.facing.nodal.gap, 0.0)
         self._last = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
     @property
     def choices(self) -> list[float]:
-        """Search distance, planes of symmetry and removed overlap. Collective."""
+        """Search distance, planes of symmetry and largest removed overlap, as a list.
+
+        Collective.
+        """
         taken = maximum(self.comm, self.faces.removed)
         planes = [float(v) for plane in sorted(self.opposite.planes.items()) for v in plane]
         # without the digits that depend on the number of ranks
         return [self.opposite.depth, *planes, float(f"{taken:.6g}")]
 
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
-        """Return B at a displacement; the last B is cached in `known`. Collective.
+        """Return the operator from displacements to jumps at a displacement. Collective.
+
+        It is cached in `known`.
 
         Args:
-            u: displacement at the first local nodes, at least the owned ones, shape (n, dim).
-            before: displacement of the owned nodes at the last accepted state; None for the mesh.
+            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
+            before: displacement of the owned nodes at the last accepted state; None if this state
+                is the undeformed mesh.
         """
         mine = u[: self._owned_nodes]
         last = self._last
@@ -340,11 +358,12 @@ class SlidingPoints(NodePoints):
 
 
 class _Change(NamedTuple):
-    """Change of both faces.
+    """Change of the positions of both faces.
 
     Attributes:
-        corners: displacements of the c corners of both facets of the p parts, shape (p, c, dim).
-        vectors: changes of the sums m of area vectors around vertices, shape (vertices, dim).
+        corners: displacements of the c corners of the slave and master facet of each of p common
+            parts, shape (p, c, dim).
+        vectors: changes of the sums of area vectors around vertices, shape (vertices, dim).
     """
 
     corners: Array
@@ -353,11 +372,11 @@ class _Change(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlidingOperator(Operator):
-    """Operator B from displacements to jumps, for faces that slide, at one displacement.
+    """Operator B from displacements to jumps for sliding faces, at one displacement.
 
     Attributes:
         faces: facets of slave and master.
-        facing: opposing parts of both faces.
+        facing: common parts of slave and master facets.
         number: number of contact points, which are the owned vertices of the slave.
         x: positions of the corners of the slave facets, shape (n, k, dim).
     """
@@ -378,9 +397,9 @@ class SlidingOperator(Operator):
 
     @property
     def facets_passed(self) -> Array:
-        """Slips since the last accepted state, relative to the facet size, shape (n,).
+        """Slips since the last accepted state, divided by the size of master facets, shape (n,).
 
-        The facets are those that were opposite at that state.
+        The facets are those that are opposite now, with their sizes in that state.
         """
         facing = self.facing
         sizes = np.linalg.norm(facing.along, axis=3).mean(axis=3)
@@ -399,7 +418,7 @@ class SlidingOperator(Operator):
         return (self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
-        """Return tractions at the slave corners of pieces, shape (p, a, dim).
+        """Return tractions at the slave corners of each of p common parts, shape (p, a, dim).
 
         Args:
             tractions: tractions at the owned points, shape (n, dim).
@@ -409,7 +428,7 @@ class SlidingOperator(Operator):
         return alive[self.faces.corners[self.facing.facet]]
 
     def _change(self, v: Array) -> _Change:
-        """Return the change of both faces along a displacement."""
+        """Return the change of the positions of both faces along a displacement."""
         faces, facing = self.faces, self.facing
         mine = faces.of_slave(v)
         theirs = faces.master.at_candidates(v, facing.found)
@@ -417,15 +436,16 @@ class SlidingOperator(Operator):
         return _Change(np.concatenate([mine[facing.facet], theirs[facing.master]], axis=1), m)
 
     def _moved(self, change: _Change) -> RayRates:
-        """Return the changes of the rays; see `Facing.moved`."""
+        """Return the changes of the rays between both faces (`Facing.moved`)."""
         m = change.vectors[self.faces.corners[self.facing.facet]]
         return self.facing.moved(change.corners, m)
 
     def _means(self, parts: Array) -> Array:
-        """Return weighted means at the local vertices.
+        """Return means at the local vertices, weighted with the covered areas.
 
         Args:
-            parts: contributions of the slave corners of pieces, shape (p, a, ...).
+            parts: weighted contributions of the corners of the slave facet of each of the p common
+                parts of slave and master facets, shape (p, a, ...).
         """
         sums = self.faces.sums(self.facing.facet, parts)
         return (self.facing.nodal.inverse * sums.T).T
@@ -443,9 +463,13 @@ class SlidingOperator(Operator):
         return triplet_matrix(comm, (self.number, nodes), rows, facing.nodes[:, None], values)
 
     def rate(self, v: Array) -> Array:
-        """Return the derivative of the jumps along v at fixed normals.
+        """Return the derivative of the jumps along a displacement, shape (n, dim).
 
-        Shape (n, dim).
+        The normals in the normal parts of the jumps are fixed; for their contribution see
+        `normal_rate`.
+
+        Args:
+            v: displacement of the owned nodes, shape (nodes, dim).
         """
         facing, faces, nodal = self.facing, self.faces, self.facing.nodal
         change = self._change(v)

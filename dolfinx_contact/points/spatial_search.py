@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spatial search among the points and facets of all ranks.
 
-No rank holds all points. Each rank queries the ranks whose bounding boxes may contain the required
-points; these search their own points in a tree and send the answers back. Points have named data:
-`Columns` maps names to arrays with one entry per point, and ``"x"`` is the position.
+No rank stores all points. Each rank queries the ranks whose bounding boxes may contain the required
+points; these ranks search their own points in a tree and send the results back. Points have named
+data: `Columns` maps names to arrays with one entry per point; ``"x"`` is the name of the positions.
 
 Facets are found by balls around them. Small sliding searches once, around the nearest facets
 (`opposing_facets`); large sliding searches again after large displacements, within a given distance
@@ -47,12 +47,28 @@ Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 
 def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return the pairs of a query and a point of the tree within the distance of the query."""
+    """Return all pairs of a query and a point whose distance is at most that of the query.
+
+    Args:
+        tree: tree of the points of this rank.
+        questions: queries: positions ``"x"`` and distances ``"reach"``.
+
+    Returns:
+        Indices of the queries, and indices of the points.
+    """
     return listed_pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
 def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return the nearest point of a tree for each query."""
+    """Return pairs of each query and its nearest point in a tree.
+
+    Args:
+        tree: tree of the points of this rank.
+        questions: queries: positions ``"x"``.
+
+    Returns:
+        Indices of the queries, and indices of the points.
+    """
     found = tree.query(questions["x"])[1]
     return np.arange(len(found)), found
 
@@ -62,7 +78,7 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
 
     Args:
         comm: communicator.
-        known: points of this rank.
+        known: points of this rank with their data.
         x: query positions of this rank, shape (n, dim).
 
     Returns:
@@ -87,14 +103,15 @@ def around(
 
     Args:
         comm: communicator.
-        known: points of this rank.
+        known: points of this rank with their data.
         wanted: queries of this rank: positions ``"x"``, distances ``"reach"``, and further data for
             ``select``.
         select: function returning pairs of queries and known points, called on the rank of the
             points; default: all points within the distance.
 
     Returns:
-        Index of the query of each pair, shape (pairs,), and data of its point, shape (pairs, ...).
+        Pairs of a query and a point: indices of the queries, shape (pairs,), and data of the
+        points, shape (pairs, ...).
     """
     questions = []
     for near in _distances_of_boxes(comm, known["x"], wanted["x"])[0]:
@@ -118,7 +135,7 @@ def _distances_of_boxes(comm: MPI.Comm, known: Array, x: Array) -> tuple[Array, 
 
     Args:
         comm: communicator.
-        known: points of this rank, shape (m, dim).
+        known: points in the bounding box of this rank, shape (m, dim).
         x: positions, shape (n, dim).
 
     Returns:
@@ -189,8 +206,9 @@ def facets_along_normals(
 def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
     """Return facets of the master, of any rank, that may oppose slave facets. Collective.
 
-    A facet that opposes a slave facet at an angle of less than 60 degrees is at most twice as far
-    away as the nearest facet plus half the sizes of both.
+    The search distance follows from the nearest facet: a master facet whose reversed normal makes
+    an angle of less than 60 degrees with the slave normal lies at most twice as far away as the
+    nearest facet, plus half the sizes of both.
 
     Returns:
         Master facets, and pairs of indices of slave and master facets, shape (pairs, 2).
@@ -211,15 +229,16 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
 
 
 def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
-    """Return the pairs of a ray and a ball of this rank in the cylinder around the ray.
+    """Return the pairs of a ray and a ball of this rank that reaches into a cylinder around it.
 
-    Rays are bisected, and halves without a ball nearby are dropped. The cost therefore grows with
-    the number of balls along the rays, not within their length.
+    Rays are bisected repeatedly, and parts without a ball nearby are discarded. The cost therefore
+    depends on the number of balls near the rays, and not on the number of balls within a distance
+    of half a ray length.
 
     Args:
         tree: centres of the balls of this rank.
         q: rays: midpoints ``"x"``, directions ``"normal"``, half lengths ``"depth"``, and radii
-            ``"across"`` of their cylinders, to which the radii of the balls are added.
+            ``"across"`` of the cylinders around them.
         radii: radii of the balls, shape (m,).
     """
     across = q["across"] + float(radii.max())

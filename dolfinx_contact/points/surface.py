@@ -53,16 +53,16 @@ _ALONG = 0.1
 
 
 class DiscreteSurface(ReadOnly):
-    """Discretised contact surface: contact points, multiplier, kinematics and law. Collective.
+    """Discretised contact surface: contact points, multiplier, kinematics and law.
 
-    A `ContactProblem` creates and owns one for each description.
+    A `ContactProblem` creates and owns one for each description. Methods are collective.
 
     Args:
         contact: description of the surface.
         facets: local indices of the slave facets; default: facets of the `ContactSurface`.
         obstacle: master face of a pair; default: obstacle of a `ContactSurface`.
         points_class: class of the contact points; default: determined by the method.
-        linear: whether the body is linear, which determines the default method and sliding.
+        linear: whether the body is linear; determines the default method and kind of sliding.
 
     Attributes:
         description: description of the surface.
@@ -71,7 +71,7 @@ class DiscreteSurface(ReadOnly):
         law: law of contact and friction.
         obstacle: rigid obstacle or opposing face.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
-        rigid_body: obstacle that is a rigid body; None otherwise.
+        rigid_body: obstacle if it is a `RigidBody`; None otherwise.
         partner: frame of reference of the displacements, which moves with a rigid obstacle.
         between_bodies: whether the obstacle is the master face of a pair.
         slides: whether the pair is in large sliding.
@@ -79,9 +79,10 @@ class DiscreteSurface(ReadOnly):
         owned_nodes: number of displacement nodes owned by this rank.
         given: gap, normal and fields of the law in UFL.
         multiplier: traction on the body, a vector Function of the facet submesh.
-        points: contact points of this rank, with the operators B and E.
+        points: contact points of this rank, with the operators from displacements to jumps and from
+            multipliers to tractions.
         law_at_points: compiled law, evaluated at the contact points.
-        displaced: evaluator of gap and normal at displaced points of a curved obstacle; None in
+        displaced: evaluator of gap and normal of a curved obstacle at displaced points; None in
             small sliding.
         true_gaps: function returning distances of the displaced points to the obstacle.
         moved_along: whether the obstacle moved along its surface when its Constants last changed.
@@ -183,7 +184,10 @@ class DiscreteSurface(ReadOnly):
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
 
     def _displaced_points(self) -> DisplacedPoints:
-        """Return gap and normal at displaced points of a curved obstacle. Collective."""
+        """Return the evaluator of a curved obstacle at displaced points. Collective.
+
+        Initial overlaps beyond the rim of the obstacle are removed or refused.
+        """
         displaced = displaced_points(
             self.points, self.domain, self.obstacle, self.law_at_points, self.name
         )
@@ -195,7 +199,9 @@ class DiscreteSurface(ReadOnly):
         return displaced
 
     def _bind(self) -> None:
-        """Evaluate obstacle and law as UFL on the mesh. Not collective.
+        """Set `given`: gap and normal of the obstacle, and fields of the law, as UFL on the mesh.
+
+        Not collective.
 
         Raises:
             ValueError: if they depend on the displacement or belong to another mesh.
@@ -208,12 +214,15 @@ class DiscreteSurface(ReadOnly):
                 refuse_other_mesh(e, self.domain, what)
 
     def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
-        """Remove an initial overlap, or raise ``ValueError`` if it is too large. Collective.
+        """Remove an initial overlap if requested, or refuse it if it is too large. Collective.
 
         Args:
             gaps: gaps at the points of this rank, shape (n,).
             vertex_gaps: gaps at the local vertices.
             where: text appended to the name of the surface in the message.
+
+        Raises:
+            ValueError: on every rank, if the overlap is too large.
         """
         overlap = self._overlap
         if np.isfinite(overlap.most):
@@ -233,13 +242,14 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def has_changed(self) -> bool:
-        """Whether data of law and obstacle have changed on this rank since their evaluation."""
+        """Whether data of law and obstacle have changed on this rank since they were evaluated."""
         return self.given.checksum() != self._mark
 
     def update_geometry(self) -> None:
-        """Evaluate the data again after a change, such as a moved obstacle. Collective.
+        """Evaluate the data of obstacle and law again after they have changed. Collective.
 
-        The equations call it. It is needed only for evaluations without them (gaps, normals).
+        `ContactEquations.read_data` calls this method. Call it directly only for evaluations of
+        gaps and normals without the equations.
         """
         before = self.points.vertex_gaps, self.points.vertex_normals
         self.given.scatter()
@@ -259,7 +269,7 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def _anchor(self) -> fem.Constant | None:
-        """Constant that defines the centre or a point of the obstacle; None if there is none."""
+        """Constant that is the centre or a point of the obstacle; None if there is none."""
         anchor = getattr(self.obstacle, "centre", getattr(self.obstacle, "point", None))
         return anchor if isinstance(anchor, fem.Constant) else None
 
@@ -273,7 +283,11 @@ class DiscreteSurface(ReadOnly):
         return np.array(min(self.comm.allgather(mine))[1])
 
     def _place_of_obstacle(self) -> Array:
-        """Return the position of the obstacle if it is a Constant, otherwise all its Constants."""
+        """Return values that change when the obstacle moves.
+
+        They are the position of its centre or of a point if that is a Constant (`_anchor`),
+        otherwise the values of all Constants in gap and normal.
+        """
         if self._anchor is not None:
             return np.array(self._anchor.value)
         data = self.given.data
@@ -281,7 +295,7 @@ class DiscreteSurface(ReadOnly):
         return np.array([v for c in constants for v in np.ravel(c.value)])
 
     def check_gaps(self) -> None:
-        """Raise ``ValueError`` if the present normals do not have unit length. Collective."""
+        """Raise ``ValueError`` if a current normal does not have unit length. Collective."""
         lengths = np.linalg.norm(self.points.vertex_normals, axis=1)
         off = lengths[np.abs(lengths - 1.0) > _UNIT]  # NaN is an error of a solve
         worst = float(off[np.argmax(np.abs(off - 1.0))]) if len(off) else 1.0
@@ -292,7 +306,7 @@ class DiscreteSurface(ReadOnly):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Set the nodes that have no multiplier of their own. Collective.
+        """Determine the nodes that have no multiplier of their own. Collective.
 
         Args:
             fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
@@ -300,11 +314,11 @@ class DiscreteSurface(ReadOnly):
         """
 
     def require_in_place(self, prescribed: Array, size: float) -> None:
-        """Raise ``ValueError`` if nodes are moved off planes of symmetry. Collective.
+        """Raise ``ValueError`` if Dirichlet data move nodes off planes of symmetry. Collective.
 
         Args:
-            prescribed: displacements of the local nodes by Dirichlet data, 0 at free dofs.
-            size: size of the body, a length.
+            prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (nodes, dim).
+            size: extent of the body, a length.
         """
 
     # -- gap, slip and B -------------------------------------------------------------------------
@@ -312,11 +326,11 @@ class DiscreteSurface(ReadOnly):
     def kinematics(
         self, u: Array, motion: Array | None = None, memory: Memory | None = None
     ) -> Kinematics:
-        """Return gap, slip and B at the contact points of this rank. Collective.
+        """Return gaps, jumps and operator at the contact points of this rank. Collective.
 
         Args:
-            u: displacement at the first local nodes, at least the owned ones, shape (n, dim).
-            motion: motion of the rigid body; None without one.
+            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
+            motion: motion of the rigid body; None if the obstacle is not a rigid body.
             memory: memory of the points at the beginning of the step; None under the static law.
         """
         operator = self.points.operator
@@ -333,13 +347,13 @@ class DiscreteSurface(ReadOnly):
         return Kinematics(operator, jump, reference, self.point_data(memory), memory=memory)
 
     def constant_operator(self, needed_by: str) -> ConstantOperator:
-        """Return B if it is the same at every state.
+        """Return the operator from displacements to jumps if it is constant.
 
         Args:
             needed_by: description of the caller for the message.
 
         Raises:
-            ValueError: on every rank, if B changes with the displacement.
+            ValueError: on every rank, if the operator changes with the displacement.
         """
         operator = self.points.operator
         if not isinstance(operator, ConstantOperator):
@@ -356,13 +370,15 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def linear(self) -> bool:
-        """Whether gap and slip are linear in the displacement."""
+        """Whether gap and slip are linear functions of the displacement."""
         return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
 
     # -- nodes and points ------------------------------------------------------------------------
 
     def opposite(self, values: Array) -> Array:
-        """Return values at the points opposite to the local nodes, 0 without one. Collective.
+        """Return nodal values at the points opposite to the local nodes. Collective.
+
+        The result is 0 at nodes without an opposing point.
 
         Args:
             values: values at the nodes of the displacement, shape (n, ...), of which the owned ones
@@ -380,9 +396,9 @@ class DiscreteSurface(ReadOnly):
 
     @cached_property
     def parts(self) -> tuple[Ints, int]:
-        """Connected part of the face to which each point belongs, shape (n,), and number of parts.
+        """Index of the connected part of the face to which each point belongs; number of parts.
 
-        Collective the first time.
+        The indices have shape (n,). The first call is collective.
         """
         at_vertices = parts(self.points.vertices)
         number = self.comm.allreduce(int(at_vertices.max(initial=-1)), op=MPI.MAX) + 1
@@ -390,9 +406,9 @@ class DiscreteSurface(ReadOnly):
         return np.rint(at_points).astype(np.int64), number
 
     def gaps_at(self, x: Array) -> Array | None:
-        """Return gaps at positions in the frame of the obstacle. Collective.
+        """Return gaps at arbitrary positions in the frame of the obstacle. Collective.
 
-        None if the obstacle cannot be evaluated at arbitrary positions.
+        None if the obstacle can be evaluated only at the contact points.
 
         Args:
             x: positions, shape (n, dim).
@@ -410,7 +426,7 @@ class DiscreteSurface(ReadOnly):
 
     @property
     def _plane(self) -> tuple[Array, float]:
-        """Unit normal n of a flat obstacle, and n.x for the points x of its plane. Collective."""
+        """Unit normal n of a flat obstacle, and the value of n.x on its plane. Collective."""
         points = self.points
         n = points.vertex_normals[:1]
         removed = points.removed_at_vertices
@@ -455,7 +471,7 @@ class DiscreteSurface(ReadOnly):
     # -- states ----------------------------------------------------------------------------------
 
     def point_data(self, memory: Memory | None = None) -> PointData:
-        """Return data of the law in the reference configuration.
+        """Return data of the law at the contact points, with gaps of the undeformed body.
 
         Args:
             memory: memory of the points at the beginning of the step; None under the static law.
@@ -463,10 +479,11 @@ class DiscreteSurface(ReadOnly):
         return with_memory(self.law_at_points.compiled, memory, self.points.data)
 
     def at_vertices(self, jump: Array) -> GapsAndNormals:
-        """Return gaps and normals at the local vertices displaced by given jumps. Collective.
+        """Return gaps and normals at the local vertices for given jumps. Collective.
 
         Args:
-            jump: jumps at the local vertices, shape (n, dim).
+            jump: jumps at the local vertices, i.e. displacements relative to the obstacle, shape
+                (n, dim).
         """
         if self.displaced is not None:
             body = self.rigid_body

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Facets of a surface at any displacement, areas of its vertices, and sizes of its facets.
 
-Facets of degree 2 and quadrilaterals are divided into simplices. To measure the distance from a
-master, its simplices are gathered on every rank, like the facets of rigid surfaces, so that one
-search serves both.
+Facets of degree 2 and quadrilaterals are divided into simplices. To measure distances from a master
+face, its simplices are gathered on every rank, as is done for the facets of rigid surfaces, so that
+both use the same search for the closest facet.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _SIMPLICES: dict[tuple[int, int], Any] = {
 
 
 class MovingFacets:
-    """Facets of a body owned by this rank, with their geometry at any displacement.
+    """Boundary facets of a body owned by this rank, with their geometry at any displacement.
 
     Args:
         V: displacement space.
@@ -56,7 +56,7 @@ class MovingFacets:
         places: local nodes of ``V`` at the k corners of each facet, shape (n, k).
 
     Attributes:
-        places: local nodes of `V` at the corners, shape (n, k).
+        places: local nodes of the displacement at the k corners of each facet, shape (n, k).
     """
 
     def __init__(self, V: fem.FunctionSpace, facets: Indices, places: Indices):
@@ -65,7 +65,7 @@ class MovingFacets:
         self.places = places
 
     def at_corners(self, values: Array) -> Array:
-        """Return values at the corners, shape (n, k, dim).
+        """Return nodal values at the corners of the facets, shape (n, k, dim).
 
         Args:
             values: values at the local nodes, shape (nodes, dim).
@@ -84,35 +84,46 @@ class MovingFacets:
 
     @property
     def size(self) -> float:
-        """Largest extent of a facet along an axis, a length."""
+        """Maximum over facets and coordinate axes of the extent of a facet in the mesh."""
         return float(np.max(np.ptp(self.reference, axis=1), initial=0.0))
 
     @cached_property
     def sense(self) -> Array:
-        """Signs of the area vectors computed from the corners, 1 if outward, shape (n,)."""
+        """Factors 1 or -1 that make the area vectors computed from the corners point outward.
+
+        The shape is (n,).
+        """
         outward = facet_normals(self._V.mesh, self._facets)
         return np.sign(dot(area_vectors(self.reference), outward))
 
     def vectors(self, x: Array) -> Array:
-        """Return outward area vectors, shape (n, dim), for corners at x, shape (n, k, dim)."""
+        """Return outward area vectors of the facets, shape (n, dim).
+
+        Args:
+            x: positions of the corners, shape (n, k, dim).
+        """
         return self.sense[:, None] * area_vectors(x)
 
     def faces(self, x: Array) -> Faces:
-        """Return the facets with their corners at positions x, shape (n, k, dim)."""
+        """Return the facets with corners at given positions.
+
+        Args:
+            x: positions of the corners, shape (n, k, dim).
+        """
         return Faces(x, unit(self.vectors(x)), self.nodes)
 
 
 class SurfaceFacets(MovingFacets):
-    """Facets of a surface owned by this rank.
+    """Facets of a contact surface owned by this rank.
 
     Args:
         V: displacement space.
         submesh: mesh of the facets.
-        vertices: scalar P1 space on it.
-        trace: local node of `V` at each local vertex.
+        vertices: scalar P1 space on the mesh of the facets.
+        trace: local node of the displacement at each local vertex.
 
     Attributes:
-        trace: local node of `V` at each local vertex.
+        trace: local node of the displacement at each local vertex.
         corners: local vertices of the facets, shape (n, k).
         exchange: exchange of values at the local vertices between ranks.
     """
@@ -146,8 +157,8 @@ class SurfaceFacets(MovingFacets):
             u: displacement of the local nodes, shape (nodes, dim).
 
         Returns:
-            Positions of the local vertices, shape (n, dim); vertices of the simplices, shape
-            (m, dim); and outward unit normals of the simplices, shape (m, dim).
+            Positions of the local vertices, shape (n, dim); local vertices of the m simplices,
+            shape (m, dim); and outward unit normals of the simplices, shape (m, dim).
         """
         now = (node_positions(self._V) + u)[self.trace]
         pieces = _SIMPLICES[now.shape[1], self.corners.shape[1]]
@@ -157,22 +168,24 @@ class SurfaceFacets(MovingFacets):
 
 
 class SurfaceGeometry:
-    """Areas at the local vertices, ghosts included. Collective, like its methods.
+    """Areas of the local vertices of a surface, ghosts included. All methods are collective.
 
     Areas are lengths in 2D, and swept areas for bodies of revolution.
 
     Args:
         vertices: scalar P1 space on the facets.
-        vertex_areas: areas, shape (n,).
-        circumferences: ratios of swept areas to areas of the section, shape (n,); 1 for bodies that
-            are not bodies of revolution.
+        vertex_areas: areas of the vertices, shape (n,).
+        circumferences: ratios of swept areas to areas (lengths) in the section of a body of
+            revolution, shape (n,); 1 for other bodies.
         whole: function returning the full areas of the vertices, covered or not.
-        covered: areas covered by an opposing face, shape (n,); None if all areas are.
+        covered: areas covered by an opposing face, shape (n,); None if the whole surface is
+            covered.
 
     Attributes:
         vertex_areas: covered areas, including areas taken over from other vertices, shape (n,).
-        circumferences: ratios of swept areas to areas of the section, shape (n,).
-        covered_areas: areas covered by an opposing face, shape (n,); None if all areas are.
+        circumferences: ratios of swept areas to areas in the section, shape (n,).
+        covered_areas: areas covered by an opposing face, shape (n,); None if the whole surface is
+            covered.
     """
 
     def __init__(
@@ -192,7 +205,7 @@ class SurfaceGeometry:
 
     @cached_property
     def whole_areas(self) -> Array:
-        """Full areas of the vertices, covered by an opposing face or not, shape (n,)."""
+        """Areas of the vertices, including parts that no opposing face covers, shape (n,)."""
         return self._at_start if self.covered_areas is None else self._whole()
 
     @property
@@ -204,13 +217,13 @@ class SurfaceGeometry:
 
     @property
     def facet_size(self) -> float:
-        """Mean size of a facet: in 2D the mean area (length) of a vertex, in 3D its square root."""
+        """Mean facet size: mean length per vertex in 2D, square root of the mean area in 3D."""
         mean = self.mean(self.vertex_areas / self.circumferences)
         return float(mean ** (1 / self._vertices.mesh.topology.dim))
 
     @cached_property
     def facet_widths(self) -> fem.Function:
-        """Sizes of the facets (lengths in 2D, roots of areas in 3D), a Function on their mesh."""
+        """DG0 Function of the sizes of the facets: lengths in 2D, square roots of areas in 3D."""
         W = fem.functionspace(self._vertices.mesh, ("DG", 0))
         widths = fem.Function(W)
         fem.assemble_vector(widths.x.array, compiled_form(ufl.TestFunction(W) * ufl.dx))
@@ -219,7 +232,7 @@ class SurfaceGeometry:
         return widths
 
     def mean(self, values: Array) -> float:
-        """Return the mean of values over the vertices of all ranks.
+        """Return the mean of vertex values over all ranks.
 
         Args:
             values: values at the local vertices, shape (n,).
@@ -233,12 +246,12 @@ class SurfaceGeometry:
 
 
 class DistanceFromFace(NamedTuple):
-    """Distances of points from a face.
+    """Signed distances of n points from a face.
 
     Attributes:
         gap: signed distances along the normals of the face, positive outside, shape (n,).
-        beyond: distances beyond the edge of the face, shape (n,).
-        normal: outward unit normals of the face, shape (n, dim).
+        beyond: tangential distances from the face, nonzero beyond its edge, shape (n,).
+        normal: outward unit normals of the face at the closest points, shape (n, dim).
     """
 
     gap: Array

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a body's boundary and the dofs that live on them."""
+"""Facets on the boundary of a body, their nodes and normals, and values at global indices."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ __all__ = [
 
 
 def owned_facets(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return the facets among the local ``facets`` that this rank owns."""
+    """Return those of the given local facets that this rank owns."""
     return facets[facets < domain.topology.index_map(domain.topology.dim - 1).size_local]
 
 
 def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return the owned facets among the local ``facets`` that lie on the boundary."""
+    """Return those of the given local facets that lie on the boundary and that this rank owns."""
     exterior = mesh.exterior_facet_indices(domain.topology)
     return np.intersect1d(facets, exterior).astype(np.int32)
 
 
 def cells_of(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return one cell of each local facet."""
+    """Return for each local facet the index of one cell to which it belongs."""
     dim = domain.topology.dim
     domain.topology.create_connectivity(dim - 1, dim)
     cells = domain.topology.connectivity(dim - 1, dim)
@@ -69,8 +69,8 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
     """Return the local facets of a surface, ghosts included. Collective.
 
     A rank may list facets that it does not own, such as ghosts; each listed facet is then returned
-    on every rank that has it. Local indices carry no reference to their mesh: indices from another
-    mesh cannot be detected.
+    on every rank on which it exists. Local indices from another mesh cannot be detected, because
+    indices carry no reference to their mesh.
 
     Args:
         domain: mesh of the body.
@@ -109,7 +109,16 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
 
 
 def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
-    """Return the local facets selected by the user, or raise ``ValueError``. Not collective."""
+    """Return the local facets selected by the user. Not collective.
+
+    Args:
+        domain: mesh of the body.
+        facets: GmshMesh, MeshTags or array of local indices.
+        tag: number of the tag, or name of a physical group; None for indices.
+
+    Raises:
+        ValueError: if the selection is not valid.
+    """
     fdim = domain.topology.dim - 1
     if isinstance(tag, str):
         if not isinstance(facets, NamedTags):
@@ -165,14 +174,16 @@ def trace_nodes(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indic
 
 
 def outward_normals(V: fem.FunctionSpace, facets: Indices) -> Array:
-    """Return unit normals at local nodes, area-weighted means of the facets there. Collective.
+    """Return unit normals at local nodes of exterior facets. Collective.
+
+    They are area-weighted means over the adjacent facets.
 
     Args:
         V: Lagrange space.
         facets: local exterior facets, ghosts included.
 
     Returns:
-        Normals, zero off the facets, shape (nodes, dim).
+        Normals, zero at nodes that lie on no such facet, shape (nodes, dim).
     """
     owned = owned_facets(V.mesh, facets)
     nodes = facet_closures(V, owned)
@@ -200,7 +211,7 @@ def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> A
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
-    """Return a P1 vector Function with given values at the vertices, and its direction in UFL.
+    """Return a P1 Function with given vectors at the vertices, and its unit direction in UFL.
 
     Args:
         domain: mesh.
@@ -212,20 +223,26 @@ def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
 
 
 def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
-    """Return the mask of the local nodes on facets of any rank. Collective."""
+    """Return the mask of the local nodes that lie on given facets. Collective.
+
+    Args:
+        V: Lagrange space.
+        facets: local facets; each rank may give different ones, whose nodes are marked on all
+            ranks.
+    """
     return SharedValues(V.dofmap.index_map).marked(facet_closures(V, facets))
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
-    """Return values at global indices owned by any rank. Collective.
+    """Return entries of a distributed array at global indices. Collective.
 
     Args:
         comm: communicator.
-        values: values at the indices owned by this rank, shape (n, ...).
-        places: global indices of the requested values, an array of any shape.
+        values: entries owned by this rank, shape (n, ...).
+        places: global indices of the requested entries, owned by any rank; an array of any shape.
 
     Returns:
-        Values, shape (*places.shape, ...).
+        Entries, shape (*places.shape, ...).
     """
     first: int = comm.exscan(len(values)) or 0
     mine = (first <= places) & (places < first + len(values))
@@ -247,7 +264,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:
-    """Sum values at global indices; return the sums at the owned indices. Collective.
+    """Return the sums of values at equal global indices, for the owned indices. Collective.
 
     Args:
         comm: communicator.
@@ -269,8 +286,8 @@ def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Arra
 def vertex_numbers(vertices: fem.FunctionSpace) -> Ints:
     """Return the number in the input mesh of each local vertex, shape (n,).
 
-    Nodes of touching bodies, and of the two sides of a crack, share their coordinates but not these
-    numbers, which do not depend on the number of ranks.
+    Nodes of touching bodies, and of the two sides of a crack, have equal coordinates but different
+    numbers. The numbers do not depend on the number of ranks.
 
     Args:
         vertices: scalar P1 space on a mesh, or on a facet submesh.
