@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All solutions of a reduced contact problem, with a proof of completeness.
+"""All solutions of a contact problem, with a proof of completeness.
+
+The problem is reduced to its contact points (`check_proof.ReducedProblem`).
 
 Only the checker (`check_proof.py`) has to be trusted; it needs only numpy. The other modules search
 for proofs: `plane.py` in 2D and `space.py` in 3D.

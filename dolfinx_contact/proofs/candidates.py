@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Candidates for solutions in a region of the plane search.
+"""Approximate solutions in a region of the search for a proof in 2D.
 
-The method is a semismooth Newton method on statuses: solve a piece (`check_proof`), then assign to
+A region consists of the allowed statuses of every point. The method is a semismooth Newton method
+on statuses: solve the linear equations for one status per point (`check_proof`), then assign to
 every point the allowed status required by its displacements and forces. If statuses repeat, only
 one point is changed per iteration. Nothing is proved here.
 
-At points whose status is decided in the region, candidates need not satisfy the inequalities of the
-law. In contrast to `laws.coulomb`, the normal force of a point with decided contact may have any
-sign, and the statuses of a point with decided friction are restricted.
+At points whose status is decided in the region, approximate solutions need not satisfy the
+inequalities of the law. In contrast to `laws.coulomb`, the normal force may have any sign at a
+point that must be closed, and friction is restricted to the allowed statuses.
 """
 
 from __future__ import annotations
@@ -43,14 +44,14 @@ def candidates(
     random: np.random.Generator,
     tries: int,
 ) -> Iterator[Codes]:
-    """Yield the statuses of approximate solutions, possibly with repetitions.
+    """Yield the statuses of approximate solutions in a region, possibly with repetitions.
 
     Args:
-        problem: scaled problem.
-        allowed: allowed statuses as bit masks, shape (m,).
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        allowed: allowed statuses of the points as bit masks, shape (m,).
         starts: initial statuses that are tried first, shape (m,) each.
         random: generator of the random starts.
-        tries: number of random starts.
+        tries: number of further starts, uniform or random.
     """
     m = problem.points
     may_be = has_status(allowed)
@@ -66,7 +67,7 @@ def candidates(
 
 
 def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield random statuses, shape (m,), each allowed by one region; the regions take turns.
+    """Yield random statuses of m points, shape (m,), from several regions in turn.
 
     Args:
         regions: at least one region, each given by its allowed statuses as bit masks, shape (m,).
@@ -81,7 +82,11 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield initial statuses: the same for all points, then random, by blocks or by points."""
+    """Yield initial statuses of the points, shape (m,).
+
+    At first all points have the same status. Later starts are random, point by point or in blocks
+    of successive points.
+    """
     for k in range(tries):
         if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
@@ -94,11 +99,11 @@ def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
 
 
 def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
-    """Iterate on the statuses until they do not change; return them, None without convergence.
+    """Update the statuses of the points until they do not change; None without convergence.
 
     Args:
-        problem: scaled problem.
-        allowed: allowed statuses as bit masks, shape (m,).
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        allowed: allowed statuses of the points as bit masks, shape (m,).
         codes: initial statuses, shape (m,).
         rho: factor from displacements to forces, see `_required`.
     """
@@ -124,9 +129,10 @@ def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -
 
 
 def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
-    """Return (ut, un, rt, rn) of a piece, shape (m,) each, without error bounds.
+    """Return the displacements ut, un and the forces rt, rn for given statuses.
 
-    None if the piece is singular.
+    They are computed without error bounds. They have the shape (m,) each for m points. None if the
+    linear equations are singular.
     """
     load = problem.p.copy()
     load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
@@ -152,9 +158,10 @@ def _required(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    """Return the allowed status of each point required by its state, shape (m,).
+    """Return the allowed status that each of m points requires, shape (m,).
 
-    A point closes if rn - rho un > 0.
+    It is determined by the displacements and forces (ut, un, rt, rn) in ``state``. For example, a
+    point closes if rn - rho un > 0, with the normal force rn and the normal displacement un.
     """
     new = codes.copy()
     F = problem.friction

@@ -14,10 +14,11 @@ its data. They run the same code; the first one needs only Python and numpy. The
 The search (`search.py`) proposes steps using optimisers and linear programs, which may be wrong.
 This file checks every step with rigorous bounds of all round-off errors and uses only the numbers
 stored in the steps. A single step that does not prove its statement invalidates the whole proof.
-This file can be read on its own: it repeats the definitions of statuses, Coulomb's law and its
-pieces from other modules. It imports no other module of the package; other modules may import it.
+This file can be read on its own: it repeats the definitions of statuses and of Coulomb's law from
+other modules. It imports no other module of the package; other modules may import it.
 
-A proof concerns the numbers S, p, F and g in the file, for all values within their errors. It does
+A proof concerns the numbers in the file, for all values within their errors: stiffness matrix S,
+load vector p, friction coefficients F and prescribed friction bounds g (`ReducedProblem`). It does
 not cover the assembly of these numbers from a body, a mesh and a load.
 """
 
@@ -106,7 +107,10 @@ _SLACK = 2.0**-30
 
 
 def gamma(n: int) -> float:
-    """Return gamma_{n+4}, the error bound of a sum of n products and up to four more operations."""
+    """Return the relative error bound of a sum of n products and up to four more operations.
+
+    It is gamma_{n+4}, where gamma_k = k u / (1 - k u) with the unit round-off u = 2^-53.
+    """
     return (n + 4) * _U / (1 - (n + 4) * _U)
 
 
@@ -135,9 +139,10 @@ def positive_definite(Q: Array, error: Array) -> bool:
 
     The matrix is scaled by powers of two, without rounding, to a diagonal between 1/2 and 2. A
     symmetric perturbation changes eigenvalues by at most the largest absolute row sum of its
-    entries. Rump's theorem is used: a matrix A is positive definite if, for some
-    c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, the Cholesky factorisation of A - c I succeeds (BIT
-    46, 2006, theorem 2.3).
+    entries. Rump's theorem is used (BIT 46, 2006, theorem 2.3): a symmetric matrix A is positive
+    definite if, for some c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, the Cholesky factorisation of
+    A - c I succeeds in floating-point arithmetic. Here gamma_k = k u / (1 - k u) with the unit
+    round-off u = 2^-53, tr is the trace and I the identity matrix.
 
     Args:
         Q: exactly symmetric matrix, shape (n, n).
@@ -183,9 +188,10 @@ class Ball:
 
     The operators return a Ball containing the exact results for all numbers in their operands.
     Operands that are arrays or numbers are exact. A single operation has a rounding error of at
-    most u |value| (u = 2^-53), and a matrix product with inner dimension n one of at most
-    gamma_n |A| |B| in any order of summation (Higham, section 3.5). Errors of the operands are
-    propagated including the second-order term,
+    most u |value| with the unit round-off u = 2^-53. A matrix product A B with inner dimension n
+    has an error of at most n u / (1 - n u) |A| |B| in any order of summation (Higham, Accuracy and
+    Stability of Numerical Algorithms, section 3.5). Errors of the operands are propagated including
+    the second-order term: for numbers x and y with the values X and Y and the radii dx and dy,
 
         |xy - XY| <= |X| dy + dx (|Y| + dy).
 
@@ -267,7 +273,7 @@ class Ball:
 
     @property
     def T(self) -> Ball:
-        """Transpose."""
+        """Ball with its arrays transposed."""
         return Ball(self.value.T, self.radius.T)
 
     def reshape(self, *shape: int) -> Ball:
@@ -302,7 +308,10 @@ def stack(balls: Sequence[Ball]) -> Ball:
 
 
 def hypot(a: Ball, b: Ball) -> Ball:
-    """Return (a^2 + b^2)^(1/2), whose error is at most the length of the error of (a, b)."""
+    """Return the ball of (a^2 + b^2)^(1/2).
+
+    Its error is at most the Euclidean norm of the errors of ``a`` and ``b``, up to round-off.
+    """
     value = np.hypot(a.value, b.value)
     return Ball(value, up(np.hypot(a.radius, b.radius) + gamma(4) * value))
 
@@ -312,13 +321,17 @@ def _parts(ball: Ball) -> tuple[Array, Array]:
 
 
 def solved(A: Ball, b: Ball) -> Ball | None:
-    """Return a ball containing the solutions z of A z = b for all A and b in their balls.
+    """Return a ball containing the solutions of A z = b for all A and b in their balls.
 
-    Returns None if one of the matrices may be singular. Let C be an approximate inverse and
-    G >= |I - C A| for all A in the ball. If the maximum norm of G is below 1, every A is regular.
-    The exact solution z* satisfies z* - z = C (b - A z) + (I - C A) (z* - z), which implies
-    |z* - z| <= v + G e |v| / (1 - |G|) for v >= |C (b - A z)|, the vector e of ones, and maximum
-    norms |v| and |G| (Rump, Acta Numerica 19, 2010).
+    Returns None if one of the matrices may be singular. Let z be an approximate solution, C an
+    approximate inverse of A, I the identity matrix, and G >= |I - C A| for all A in the ball, entry
+    by entry. If the maximum norm |G| is below 1, every A is regular. The exact solution z*
+    satisfies z* - z = C (b - A z) + (I - C A) (z* - z). With a vector v >= |C (b - A z)|, its
+    maximum norm |v| and the vector e of ones, this implies
+
+        |z* - z| <= v + G e |v| / (1 - |G|)
+
+    (Rump, Acta Numerica 19, 2010).
     """
     try:
         C = np.linalg.inv(A.value)
@@ -366,13 +379,24 @@ CLOSED = 0b1110
 
 
 def has_status(allowed: Masks) -> npt.NDArray[np.bool_]:
-    """Return a mask of the statuses that the bit mask of each point contains, shape (m, 7)."""
+    """Return whether each status is in the set of each of m points, shape (m, 7).
+
+    Args:
+        allowed: sets of statuses as bit masks, shape (m,).
+    """
     return np.asarray((allowed[:, None] >> np.arange(7)) & 1 > 0)
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedProblem:
-    """Contact problem S a = r + p with friction at m points, as defined above.
+    """Contact problem with friction, reduced to m contact points.
+
+    The displacements a = (ut, un) and the forces r = (rt, rn) on the body, with tangential and
+    normal components at each point, satisfy
+
+        S a = r + p,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn + g,
+
+    and rt = -(F rn + g) ut/|ut| where ut is not 0. Initial gaps are included in the load p.
 
     Args:
         S: symmetric stiffness matrix, ordered (ut, un) point by point, shape (dim m, dim m) with
@@ -426,40 +450,43 @@ class ReducedProblem:
 
     @property
     def g(self) -> Array:
-        """Prescribed friction bounds, shape (m,)."""
+        """Prescribed friction bounds of the m points, shape (m,)."""
         assert self.bound is not None
         return self.bound
 
     @property
     def dS(self) -> Array:
-        """Error bounds of S, shape (dim m, dim m)."""
+        """Error bounds of the stiffness matrix S, shape (dim m, dim m) for m points."""
         assert self.S_error is not None
         return self.S_error
 
     @property
     def dp(self) -> Array:
-        """Error bounds of p, shape (dim m,)."""
+        """Error bounds of the load vector p, shape (dim m,) for m points."""
         assert self.p_error is not None
         return self.p_error
 
     @cached_property
     def stiffness(self) -> Ball:
-        """Stiffness S with its error bounds."""
+        """Stiffness matrix S with its error bounds."""
         return Ball(self.S, self.dS)
 
     @cached_property
     def load(self) -> Ball:
-        """Load p with its error bounds."""
+        """Load vector p with its error bounds."""
         return Ball(self.p, self.dp)
 
     @property
     def data(self) -> dict[str, Array]:
-        """Data of the problem: values of the arguments, by name."""
+        """Arguments with which the problem can be constructed again, as arrays by name."""
         return {name: np.asarray(getattr(self, name)) for name in _DATA}
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of S, p, F, g and the errors, hexadecimal; it identifies the problem."""
+        """SHA-256 hash of all data of the problem, hexadecimal.
+
+        It includes the error bounds and identifies the problem.
+        """
         return _digest(self.data)
 
     @property
@@ -474,12 +501,12 @@ class ReducedProblem:
 
     @cached_property
     def least(self) -> float:
-        """Positive lower bound of the eigenvalues of S; 0 if none is proved."""
+        """Positive lower bound of the eigenvalues of the stiffness matrix; 0 if none is proved."""
         return least_eigenvalue(self.S, self.dS)
 
     @cached_property
     def statuses(self) -> Masks:
-        """Statuses that the law of each point admits, as bit masks, shape (m,)."""
+        """Statuses that the contact law admits at each of m points, as bit masks, shape (m,)."""
         masks = np.full(self.points, 0b1111, dtype=np.int64)
         masks[self.friction == 0] = 0b0101
         masks[self.g > 0] = 0b1111110
@@ -499,10 +526,10 @@ class ReducedProblem:
 
     @cached_property
     def scaled(self) -> ReducedProblem:
-        """Problem in its `units`.
+        """The same problem in its `units` of displacements and forces.
 
-        Scaling by powers of two is exact except for underflow. Underflow errors of S and p are
-        included in their error bounds.
+        Scaling by powers of two is exact except for underflow. Underflow errors of the stiffness
+        and the load are included in their error bounds.
 
         Raises:
             ValueError: if a friction bound underflows.
@@ -587,13 +614,13 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """Return an approximation G of S^-1 and error bounds of its entries.
+    """Return an approximate inverse G of the stiffness matrix S, and its error bounds.
 
-    Both have the shape (n, n) with n = dim m.
+    Both have the shape (n, n) with n = dim m for m points.
 
-    Let E >= |I - S G| for all S within their errors, with a maximum norm e < 1. Then
-    |S^-1 - G| <= |G| (E + E^2 + ...). In each column, entries of E^2 are at most e times the
-    largest entry of E. The error bounds are infinite if e >= 1/2.
+    Let E >= |I - S G| for all S within their errors, with the identity matrix I and a maximum norm
+    e < 1 of E. Then |S^-1 - G| <= |G| (E + E^2 + ...). In each column, entries of E^2 are at most e
+    times the largest entry of E. The error bounds are infinite if e >= 1/2.
     """
     G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
     n = len(G)
@@ -605,9 +632,15 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 
 def bounded(problem: ReducedProblem) -> Array:
-    """Return upper bounds of ut+, ut-, un, s+, s- and rn in the plane, shape (6, m).
+    """Return upper bounds of six quantities at each of m points in 2D, shape (6, m).
 
-    They hold at every solution.
+    They hold at every solution. The quantities are nonnegative; in this order:
+
+    - ut+ and ut-, the positive and negative parts of the tangential displacement ut = ut+ - ut-;
+    - un, the normal displacement;
+    - s+ = F rn + g + rt and s- = F rn + g - rt, the slacks of the friction bound, with the friction
+      coefficient F, the prescribed bound g, and the normal and tangential forces rn, rt;
+    - rn, the normal force.
     """
     m = problem.points
     e = _ellipsoid(problem)
@@ -636,9 +669,9 @@ def bounded(problem: ReducedProblem) -> Array:
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
-    """Return a mask of the bounded quantities that may be positive in each status of each point.
+    """Return a mask of the six quantities of `bounded` that may be positive in each status.
 
-    Its axes are point, status and quantity, shape (m, 7, 6).
+    Its axes are point, status and quantity, shape (m, 7, 6) for m points.
     """
     free = (problem.friction == 0) & (problem.g == 0)
     return np.where(free[:, None, None], _USED_FREE, _USED)
@@ -648,9 +681,9 @@ def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
     """Return the bounds ``ub``, set to 0 for quantities that vanish in all allowed statuses.
 
     Args:
-        problem: scaled reduced problem.
-        allowed: allowed statuses as bit masks, shape (m,).
-        ub: upper bounds of the quantities (`bounded`), shape (6, m).
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        allowed: allowed statuses of the points as bit masks, shape (m,).
+        ub: upper bounds of the six quantities of `bounded`, shape (6, m).
     """
     has = has_status(allowed)
     return np.where((has[:, :, None] & used(problem)).any(axis=1).T, ub, 0.0)
@@ -674,10 +707,21 @@ def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Dual:
-    """Vector of multipliers y of the equations S a - r = p in the plane.
+    """Multipliers of the equilibrium equations in 2D, which exclude statuses by weak duality.
+
+    With the stiffness matrix S, displacements a, forces r and load p (`ReducedProblem`), every
+    solution satisfies 0 = y.(S a - r - p) for any multipliers y. At the point i, each quantity j of
+    `bounded` lies between 0 and its bound ub_ij. Therefore
+
+        0 >= L = sum_i min_s h_is - y.p,    h_is = sum_j min(0, c_ij) ub_ij
+
+    with the coefficients c_ij of the quantities in y.(S a - r), the minimum over the allowed
+    statuses s of the point i, and the sum over the quantities that may be positive in the status s.
+    Where a friction bound is prescribed, the least contribution of the tangential force is added to
+    h_is. There is no solution if L > 0.
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         y: multipliers, shape (2 m,).
     """
 
@@ -690,7 +734,10 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of the bounded quantities in y.(S a - r), without g, shape (6, m)."""
+        """Coefficients c_ij of the six quantities of `bounded` in y.(S a - r), shape (6, m).
+
+        They do not include the prescribed friction bound. The symbols are explained in `Dual`.
+        """
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -698,12 +745,22 @@ class Dual:
 
     @property
     def _shear(self) -> Array:
-        """Coefficients of s+ - s- = 2 rt in y.r, shape (m,)."""
+        """Coefficients of s+ - s- = 2 rt in y.r at each of m points, shape (m,).
+
+        They are 0 where a friction bound is prescribed. Here s+ and s- are the slacks of the
+        friction bound (`bounded`), rt is the tangential force, and y and r are the multipliers and
+        the forces (`Dual`).
+        """
         return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
 
     @property
     def _pressure(self) -> Array:
-        """Coefficients of s+ + s- = 2 F rn in y.r, shape (m,)."""
+        """Coefficients of s+ + s- = 2 F rn in y.r at each of m points, shape (m,).
+
+        They are 0 where F = 0. Here s+ and s- are the slacks of the friction bound (`bounded`), F
+        is the friction coefficient, rn the normal force, and y and r are the multipliers and the
+        forces (`Dual`).
+        """
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
@@ -722,7 +779,11 @@ class Dual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minimum of -yt rt over shears |rt| <= g for each point and status, shape (m, 7)."""
+        """Minimum of -yt rt for each point and status, shape (m, 7).
+
+        The tangential force rt is limited by the prescribed bound, |rt| <= g, and determined by it
+        if the point slips. yt is the tangential multiplier.
+        """
         most = (self.problem.g * self.y[0::2])[:, None]
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
@@ -745,7 +806,10 @@ class Dual:
         return np.einsum("msj,mj->ms", uses, per_slot) + self._given
 
     def round_off(self, ub: Array) -> float:
-        """Return a bound of the error of L due to round-off and to errors of S and p."""
+        """Return a bound of the error of L (`Dual`) for the bounds ``ub`` of `bounded`.
+
+        It covers round-off and the errors of the stiffness matrix and the load.
+        """
         problem = self.problem
         y = np.abs(self.y)
         n = len(y)
@@ -762,12 +826,12 @@ class Dual:
         return float(up(data + gamma(8 * n) * sums))
 
     def impossible(self, allowed: Masks, ub: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return a mask of the allowed statuses that y excludes, shape (m, 7).
+        """Return a mask of the allowed statuses that the multipliers exclude, shape (m, 7).
 
         Args:
-            allowed: allowed statuses as bit masks, shape (m,).
-            ub: bounds of the quantities (`bounded`), shape (6, m).
-            margin: required ratio of L to its error bound.
+            allowed: allowed statuses of the m points as bit masks, shape (m,).
+            ub: upper bounds of the six quantities of `bounded`, shape (6, m).
+            margin: required ratio of the lower bound L of `Dual` to its error bound.
         """
         has = has_status(allowed)
         h = self.least(ub)
@@ -776,13 +840,14 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """Return an upper bound of a quantity x at all solutions with allowed statuses.
+        """Return an upper bound of a quantity of `bounded` at all solutions with allowed statuses.
 
-        It follows from x = x - y.(S a - r - p), and is infinite if x does not appear in L.
+        For the quantity x it follows from x = x - y.(S a - r - p), see `Dual`. It is infinite if x
+        does not appear in the lower bound L.
 
         Args:
-            allowed: allowed statuses as bit masks, shape (m,).
-            ub: bounds of the quantities (`bounded`), shape (6, m).
+            allowed: allowed statuses of the m points as bit masks, shape (m,).
+            ub: upper bounds of the six quantities of `bounded`, shape (6, m).
             slot: index of the quantity.
             point: index of the point.
         """
@@ -804,7 +869,9 @@ class Dual:
 
 
 class _Piece:
-    """Base class of a piece and its solution, in 2D or 3D.
+    """Solution of the equations with one prescribed status at each of m points (a *piece*).
+
+    Base class of the solutions in 2D and 3D.
 
     Attributes:
         numbers: displacements and forces of the points with error bounds, shape (m, 2 dim).
@@ -821,29 +888,33 @@ class _Piece:
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Verdict: all inequalities certainly satisfied, one certainly violated, or undecided."""
+        """Verdict on the inequalities that the contact law requires.
+
+        ``"inside"``: all are certainly satisfied. ``"outside"``: one is certainly violated.
+        ``"border"``: undecided.
+        """
         if (self.inequalities.high < 0).any():
             return "outside"
         return "inside" if (self.inequalities.low > 0).all() else "border"
 
     @property
     def state(self) -> Array:
-        """Displacements and forces of the points, shape (m, 2 dim)."""
+        """Displacements and forces of the m points, shape (m, 2 dim)."""
         return self.numbers.value
 
     @property
     def away(self) -> Array:
-        """Error bounds of the state, shape (m, 2 dim)."""
+        """Error bounds of the displacements and forces of the m points, shape (m, 2 dim)."""
         return self.numbers.radius
 
 
 @dataclass(frozen=True, eq=False)
 class PieceSolution(_Piece):
-    """Solution of a piece in the plane.
+    """Solution in 2D of the linear equations with one prescribed status at each of m points.
 
     Attributes:
-        problem: scaled reduced problem.
-        codes: statuses, shape (m,).
+        problem: reduced problem scaled by `ReducedProblem.scaled`.
+        codes: prescribed statuses, shape (m,).
         ut: tangential displacements, shape (m,).
         un: normal displacements, shape (m,).
         rt: tangential forces, shape (m,).
@@ -859,13 +930,20 @@ class PieceSolution(_Piece):
 
     @cached_property
     def slacks(self) -> tuple[Ball, Ball]:
-        """Slacks s+ = F rn + g + rt and s- = F rn + g - rt, shape (m,)."""
+        """Slacks F rn + g + rt and F rn + g - rt of the friction bound, shape (m,) each.
+
+        F is the friction coefficient, g the prescribed bound, rn the normal and rt the tangential
+        force of each of m points.
+        """
         limit = self.problem.friction * self.rn + self.problem.g
         return limit + self.rt, limit - self.rt
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative, padded with 1, shape (m, 3)."""
+        """Quantities that the law requires to be nonnegative at each of m points, shape (m, 3).
+
+        Points with fewer than three such quantities have the value 1 in the remaining columns.
+        """
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
@@ -876,14 +954,20 @@ class PieceSolution(_Piece):
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut, un, rt, rn) of the points with error bounds, shape (m, 4)."""
+        """Displacements ut, un and forces rt, rn of m points with error bounds, shape (m, 4)."""
         return stack([self.ut, self.un, self.rt, self.rn])
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
-    """Return the matrix of a piece, shape (2 m, 2 m).
+    """Return the matrix of the equations for given statuses, shape (2 m, 2 m).
 
-    The unknowns of each point are ut or rt, and un or rn.
+    The unknowns of each of the m points are the tangential displacement, or force for stick, and
+    the normal displacement, or force for a closed point.
+
+    Args:
+        S: stiffness matrix of the reduced problem, shape (2 m, 2 m).
+        friction: friction coefficients, shape (m,).
+        codes: statuses, shape (m,).
     """
     n = len(S)
     t = np.arange(0, n, 2)
@@ -903,10 +987,10 @@ def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
 
 
 def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
-    """Return the solution of a piece in the plane; None if the piece may be singular.
+    """Solve a 2D problem with one given status per point; None if it may be singular.
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         codes: statuses, shape (m,).
     """
     free = IS_FREE[codes]
@@ -971,9 +1055,11 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 class _Row:
     """Inequality or equation for one component d_v of the difference d of two solutions.
 
-    Let w be the other component of the same point, and S_v and S_w rows of S. The row is the
-    inequality d_v (S_v d + x S_w d + k1 d_v) + k2 f^2 <= 0 with f = S_v d + x S_w d, or the
-    equation f = 0.
+    Let w be the other component of the same point, and S_v and S_w the rows v and w of the
+    stiffness matrix. With f = S_v d + x S_w d, the row is either the equation f = 0 or the
+    inequality
+
+        d_v (f + k1 d_v) + k2 f^2 <= 0.
 
     Attributes:
         unknown: index v of the component.
@@ -996,16 +1082,21 @@ class _Row:
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Inequalities for the unknown components d of the difference of two solutions.
+    """Inequalities in 2D for the difference d = a - b of the displacements of two solutions.
+
+    With f = R d, each row i is the inequality d_i (f_i + k1_i d_i) + k2_i f_i^2 <= 0 or the
+    equation f_i = 0. If a weighted sum of the inequalities and of the squares of the equations is
+    positive definite, then d = 0.
 
     Attributes:
-        piece: solution b of a piece.
-        unknown: indices of the n components of d that may be nonzero, among 2 m, shape (n,).
+        piece: the solution b, for one given status per point.
+        unknown: indices of the n components of d that may be nonzero, among 2 m for m points, shape
+            (n,).
         rows: matrix R with f = R d, shape (n, n).
-        tilts: matrix T, shape (n, n); row i of T, multiplied by theta_i, is added to row i of R.
+        tilts: matrix T, shape (n, n). A multiple theta_i of row i of T may be added to row i of R.
         equal: mask of the rows that are equations f = 0, shape (n,).
-        k1: coefficients of d_v^2, shape (n,).
-        k2: coefficients of f^2, shape (n,).
+        k1: coefficients of the squares of d, shape (n,).
+        k2: coefficients of the squares of f, shape (n,).
     """
 
     piece: PieceSolution
@@ -1018,26 +1109,31 @@ class Differences:
 
     @property
     def R(self) -> Array:
-        """Midpoints of `rows`, shape (n, n)."""
+        """Midpoints of the matrix `rows`, shape (n, n)."""
         return self.rows.value
 
     @property
     def T(self) -> Array:
-        """Midpoints of `tilts`, shape (n, n)."""
+        """Midpoints of the matrix `tilts`, shape (n, n)."""
         return self.tilts.value
 
     @property
     def tilted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the rows with a theta, shape (n,)."""
+        """Mask of the n rows to which a multiple of a row of `tilts` may be added, shape (n,)."""
         return np.any(self.T != 0, axis=1)
 
     def prove(self, weights: Array, theta: Array, mu: float) -> bool:
-        """Return whether the weighted sum is proved to be positive definite within all errors.
+        """Return whether the weighted sum of the rows is proved to be positive definite.
+
+        The proof holds within all errors of the data and of rounding. It implies that the two
+        compared solutions are equal.
 
         Args:
-            weights: nonnegative weights of the rows, shape (n,); ignored for rows f = 0.
-            theta: parameters theta of the rows, |theta| <= 1 / F, used where `tilted`; shape (n,).
-            mu: nonnegative weight of the squares of the rows f = 0, dimensionless.
+            weights: nonnegative weights of the inequalities, shape (n,); ignored for equations
+                f = 0.
+            theta: multiples of the rows of `tilts` that are added, shape (n,). |theta| <= 1 / F
+                with the friction coefficient F; ignored for rows outside `tilted`.
+            mu: nonnegative weight of the squares of the equations f = 0, dimensionless.
         """
         F = self.piece.problem.friction[self.unknown // 2]
         theta = np.where(self.tilted, theta, 0.0)
@@ -1059,14 +1155,15 @@ class Differences:
 
 
 def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences | None:
-    """Return the inequalities for the difference of a solution a and the solution b of a piece.
+    """Return inequalities in 2D for the difference of two solutions a and b.
 
     None if b does not provably satisfy the conditions of the inequalities.
 
     Args:
-        piece: solution b of a piece. Where only one status of a is allowed, b must have it too.
-        allowed: allowed statuses of a as bit masks, shape (m,).
-        ub: bounds of the quantities of a (`bounded`), shape (6, m).
+        piece: solution b for one given status per point. Where only one status of a is allowed, b
+            must have it too.
+        allowed: allowed statuses of a at the m points as bit masks, shape (m,).
+        ub: upper bounds of the six quantities of `bounded` at a, shape (6, m).
     """
     rows: list[_Row] = []
     for i in range(len(allowed)):
@@ -1092,9 +1189,11 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
 
 
 def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the rows (`_Row`) of one point.
+    """Return the inequalities and equations (`_Row`) of one point.
 
-    None if b does not provably satisfy the conditions of its status.
+    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
+    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
+    status.
     """
     code = int(piece.codes[i])
     opens = bool(allowed & OPENED)
@@ -1133,9 +1232,11 @@ def _ratio(part: float, most: float) -> float:
 
 
 def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows (`_Row`) of a point with Coulomb friction.
+    """Return the tangential inequalities (`_Row`) of a point with Coulomb friction.
 
-    None if b does not provably satisfy the conditions of its status.
+    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
+    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
+    status.
     """
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
@@ -1167,9 +1268,11 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows (`_Row`) of a point that is open or slips in b.
+    """Return the tangential inequality (`_Row`) of a point that slips or is open.
 
-    None if b does not provably satisfy the conditions of its status.
+    The status is that of point ``i`` in ``piece``. The inequality compares any solution with
+    ``piece``. None if the solution of ``piece`` does not provably satisfy the conditions of its
+    status.
     """
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
@@ -1183,9 +1286,9 @@ def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
 
 
 def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
-    """Return k1 and k2 of a `_Row` for a point that may only stick or slip in one direction.
+    """Return k1 and k2 (`_Row`) of a point that may only stick or slip in one direction.
 
-    None if b does not provably satisfy the conditions of its status.
+    None if the solution of ``piece`` does not provably satisfy the conditions of its status.
     """
     code = int(piece.codes[i])
     k = 0 if sense > 0 else 1
@@ -1199,9 +1302,11 @@ def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float
 
 
 def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential rows (`_Row`) of a point with a prescribed friction bound.
+    """Return the tangential inequalities (`_Row`) of a point with a prescribed friction bound.
 
-    None if b does not provably satisfy the conditions of its status.
+    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
+    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
+    status.
     """
     code = int(piece.codes[i])
     t = 2 * i
@@ -1259,7 +1364,8 @@ _ANGLES = 2.0**-40
 def rays(q: Array) -> Array:
     """Return the points of the square |x| + |y| = 1 at diamond angles, shape (..., 2).
 
-    They are exact for dyadic angles.
+    The diamond angle is 0 at (1, 0), 1 at (0, 1), 2 at (-1, 0) and 3 at (0, -1), and linear between
+    these corners. The points are exact for dyadic angles (integers divided by powers of two).
     """
     q = np.asarray(q) % 4.0
     x = np.where(q <= 2, 1 - q, q - 3)
@@ -1268,7 +1374,10 @@ def rays(q: Array) -> Array:
 
 
 def directions(q: Array) -> Array:
-    """Return unit vectors at diamond angles up to a few units of round-off, shape (..., 2)."""
+    """Return unit vectors at diamond angles (`rays`), shape (..., 2).
+
+    Their errors are a few units of round-off.
+    """
     ray = rays(q)
     return np.asarray(ray / np.sqrt((ray**2).sum(axis=-1, keepdims=True)))
 
@@ -1292,7 +1401,7 @@ class Cells:
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> Cells:
-        """Return all cells that the laws of the points admit."""
+        """Return all cells that the contact law admits."""
         parts = []
         for i, F in enumerate(problem.friction):
             kinds = [IN_OPEN, IN_STICK] + [IN_SLIP] * len(_ARCS) if F > 0 else [IN_OPEN, IN_CLOSED]
@@ -1308,7 +1417,7 @@ class Cells:
 
     @cached_property
     def of_kind(self) -> list[npt.NDArray[np.int64]]:
-        """Indices of the cells of each kind."""
+        """Indices of the cells of each kind: open, stick, slip and closed, in this order."""
         return [np.flatnonzero(self.kind == kind) for kind in range(4)]
 
     @cached_property
@@ -1318,16 +1427,16 @@ class Cells:
 
     @cached_property
     def sides(self) -> tuple[Array, Array]:
-        """Unit vectors at the first and at the last ends of the arcs, shape (arcs, 2) each."""
+        """Unit vectors at the first and at the last ends of all slip arcs, shape (arcs, 2) each."""
         ends = self.ends[self.of_kind[IN_SLIP]]
         return directions(ends[:, 0]), directions(ends[:, 1])
 
     def kept(self, keep: npt.NDArray[np.bool_]) -> Cells:
-        """Return the cells selected by a mask, shape (k,)."""
+        """Return the cells selected by the mask ``keep``, shape (k,)."""
         return Cells(self.node[keep], self.kind[keep], self.ends[keep])
 
     def halved(self, point: int) -> Cells:
-        """Return the cells with every arc of a point bisected.
+        """Return the cells with all slip arcs of a point bisected.
 
         Raises:
             InvalidCertificate: if the point has no arc, if an arc is too narrow, or if there would
@@ -1353,9 +1462,9 @@ class Cells:
         return frozenset(int(kind) for kind in self.kind[self.node == point])
 
     def hull(self, point: int) -> tuple[float, float] | None:
-        """Return an arc that contains all arcs of a point, None if the point has no arc.
+        """Return the first end and the width of an arc that contains all slip arcs of a point.
 
-        It is given by the diamond angle of its first end, and its width.
+        Both are diamond angles (`rays`). None if the point has no arc.
         """
         ends = self.ends[(self.node == point) & (self.kind == IN_SLIP)]
         if len(ends) == 0:
@@ -1372,9 +1481,11 @@ class Cells:
 
 
 def bounded_in_space(problem: ReducedProblem) -> Array:
-    """Return upper bounds of the `MOST` quantities of each point in space, shape (MOST, m).
+    """Return upper bounds of the `MOST` quantities of each of m points in 3D, shape (MOST, m).
 
-    They hold at every solution.
+    They hold at every solution. The quantities are, in this order: -ut1, ut1, -ut2, ut2 and un with
+    the tangential and normal displacements ut1, ut2 and un; -s and s with the slip distance s; -rn
+    and rn with the normal force rn; and rn of a sticking point.
     """
     e = _ellipsoid(problem)
     m = problem.points
@@ -1417,10 +1528,18 @@ def bounded_in_space(problem: ReducedProblem) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SpaceDual:
-    """Vector of multipliers y of the equations S a - r = p in space.
+    """Multipliers of the equilibrium equations in 3D, which exclude cells by weak duality.
+
+    With the stiffness matrix S, displacements a, forces r and load p (`ReducedProblem`), every
+    solution satisfies 0 = y.(S a - r - p) for any multipliers y. Therefore
+
+        0 >= L = sum_i min_c h_ic - y.p
+
+    with the minimum over the cells c of the point i (`Cells`), where h_ic is the minimum of the
+    contribution of the point to y.(S a - r) in the cell. There is no solution if L > 0.
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         y: multipliers, shape (3 m,).
     """
 
@@ -1437,7 +1556,10 @@ class SpaceDual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -y_t.rt over shears |rt| <= g, shape (m,)."""
+        """Minima of -yt.rt over tangential forces |rt| <= g at each of m points, shape (m,).
+
+        yt are the tangential multipliers and g is the prescribed friction bound.
+        """
         y = self._of_r
         return -self.problem.g * np.hypot(y[:, 0], y[:, 1])
 
@@ -1503,7 +1625,11 @@ class SpaceDual:
         return best
 
     def round_off(self, most: Array) -> float:
-        """Return a bound of the error of L due to round-off and to errors of S and p."""
+        """Return an error bound of the lower bound L of `SpaceDual`.
+
+        It covers round-off and the errors of the stiffness matrix and the load. ``most`` contains
+        the bounds of `bounded_in_space`.
+        """
         problem = self.problem
         n = len(self.y)
         y = np.abs(self.y)
@@ -1521,9 +1647,14 @@ class SpaceDual:
         return float(up(data + gamma(n + 64) * sums))
 
     def impossible(self, cells: Cells, most: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return a mask of the cells that y excludes, shape (k,).
+        """Return a mask of the k cells that the multipliers exclude, shape (k,).
 
-        If y excludes all cells of a point, there is no solution in the cells.
+        If all cells of a point are excluded, there is no solution in the cells.
+
+        Args:
+            cells: cells of all points.
+            most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
+            margin: required ratio of the lower bound L of `SpaceDual` to its error bound.
         """
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
@@ -1532,10 +1663,10 @@ class SpaceDual:
         return np.asarray(np.repeat(rest, count) + h > margin * self.round_off(most))
 
     def most(self, cells: Cells, most: Array, quantity: int, point: int) -> float:
-        """Return an upper bound of a quantity x at all solutions in the cells.
+        """Return an upper bound of a quantity of `bounded_in_space` at all solutions in the cells.
 
-        It follows from x = x - y.(S a - r - p), and is -inf if x has no bound in the cells of the
-        point.
+        For the quantity x it follows from x = x - y.(S a - r - p), see `SpaceDual`. It is -inf if x
+        has no bound in any cell of the point.
 
         Args:
             cells: cells of all points.
@@ -1550,23 +1681,25 @@ class SpaceDual:
 
 
 def ends_of(most: Array, quantity: int) -> tuple[Array, Array]:
-    """Return the smallest and the largest nonnegative value of s or rn, shape (m,) each.
+    """Return a lower and an upper bound of the slip or normal force at each of m points.
+
+    Both have the shape (m,) and are at least 0.
 
     Args:
-        most: upper bounds of the quantities, shape (MOST, m).
-        quantity: `OF_S` for s, `OF_RN` for rn.
+        most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
+        quantity: `OF_S` for the slip distance, `OF_RN` for the normal force.
     """
     largest = np.maximum(most[quantity + 1], 0.0)
     return np.minimum(np.maximum(-most[quantity], 0.0), largest), largest
 
 
 def _least_along(v: Array, first: Array, last: Array) -> Array:
-    """Return mu(v), the minimum of v.e over each of k arcs, shape (k,).
+    """Return the minimum of v.e over the unit vectors e of each of k arcs, shape (k,).
 
     Args:
         v: vectors, shape (k, 2).
         first: unit vectors at the first ends of the arcs, shape (k, 2).
-        last: unit vectors at the last ends; each arc is less than half a circle.
+        last: unit vectors at the last ends, shape (k, 2); each arc is less than half a circle.
     """
     (x, y), (x0, y0), (x1, y1) = v.T, first.T, last.T
     ends = np.minimum(x * x0 + y * y0, x * x1 + y * y1)
@@ -1595,15 +1728,18 @@ _WIDER = 10.0 ** np.arange(12, 0, -2)  # enlargement factors of the balls, tried
 
 @dataclass(frozen=True, eq=False)
 class SpacePiece(_Piece):
-    """Solution of a piece in space.
+    """Solution in 3D of the equations with one prescribed status at each of m points.
 
     Attributes:
-        problem: scaled reduced problem.
-        codes: statuses, shape (m,).
-        z: approximate unknowns, for slipping points (s, angle, rn or un), shape (m, 3).
+        problem: reduced problem scaled by `ReducedProblem.scaled`.
+        codes: prescribed statuses, shape (m,).
+        z: approximate unknowns, shape (m, 3). The first two are the tangential displacements, the
+            tangential forces for stick, or the slip distance and the angle of the slip direction.
+            The third is the normal displacement, or the normal force of a closed point.
         e: approximate slip directions, 0 for other points, shape (m, 2).
-        inverse: approximate inverse C of the Jacobian, shape (3 m, 3 m).
-        residual: bounds of the absolute values of C f(z), shape (3 m,).
+        inverse: approximate inverse C of the Jacobian of the equilibrium, shape (3 m, 3 m).
+        residual: bounds of the absolute values of C f, with the residual f of the equilibrium at z,
+            shape (3 m,).
         radius: radii of the ball around z containing the solution, shape (m, 3).
     """
 
@@ -1617,40 +1753,57 @@ class SpacePiece(_Piece):
 
     @cached_property
     def slips(self) -> npt.NDArray[np.bool_]:
-        """Mask of the points with a slip direction, shape (m,)."""
+        """Mask of those of the m points that have a slip direction, shape (m,)."""
         return _slipping(self.problem, self.codes)
 
     @cached_property
     def turn(self) -> Array:
-        """Error bounds of the components of the slip directions, 0 for other points, shape (m,)."""
+        """Error bounds of the components of the slip directions of m points, shape (m,).
+
+        They are 0 for points without a slip direction.
+        """
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
     def unknowns(self) -> tuple[Ball, Ball]:
-        """Unknowns z, shape (m, 3), and slip directions, shape (m, 2), with error bounds."""
+        """Unknowns `z`, shape (m, 3), and slip directions `e`, shape (m, 2), with error bounds."""
         return Ball(self.z, self.radius), Ball(self.e, np.stack([self.turn] * 2, axis=1))
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut1, ut2, un, rt1, rt2, rn) of the points with error bounds, shape (m, 6)."""
+        """Displacements and forces of the m points with error bounds, shape (m, 6).
+
+        The columns are ut1, ut2, un, rt1, rt2 and rn: two tangential components and the normal
+        component of the displacement, then those of the force.
+        """
         return space_state(self.problem, self.codes, *self.unknowns)
 
     @cached_property
     def slack(self) -> Ball:
-        """Slack F rn + g - |rt| of the friction bound, used at sticking points, shape (m,)."""
+        """Slack F rn + g - |rt| of the friction bound, used at sticking points, shape (m,).
+
+        F is the friction coefficient, g the prescribed bound, rn the normal and rt the tangential
+        force of each of m points.
+        """
         shear = hypot(self.numbers[:, 3], self.numbers[:, 4])
         return self.problem.friction * self.numbers[:, 5] + self.problem.g - shear
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative, padded with 1, shape (m, 2)."""
+        """Quantities that the law requires to be nonnegative at each of m points, shape (m, 2).
+
+        Points with only one such quantity have the value 1 in the second column.
+        """
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
 
     @cached_property
     def _alone(self) -> Array:
-        """Radii of the largest ball around z proved to have no other solution, shape (m, 3)."""
+        """Radii of a ball around `z` proved to contain no other solution, shape (m, 3).
+
+        It is the largest of a few multiples of the ball with the radii `radius`.
+        """
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():
@@ -1658,7 +1811,7 @@ class SpacePiece(_Piece):
         return self.radius
 
     def same(self, other: SpacePiece) -> bool | None:
-        """Return whether two pieces are the same solution; None if this is undecided."""
+        """Return whether ``other`` is the same solution; None if this is undecided."""
         if not np.array_equal(self.codes, other.codes):
             return False
         apart = np.abs(self.state - other.state)
@@ -1674,18 +1827,18 @@ class SpacePiece(_Piece):
 
 
 def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
-    """Return the mask of the points with a slip direction, shape (m,)."""
+    """Return the mask of those of the m points that have a slip direction, shape (m,)."""
     rubs = (problem.friction > 0) | (problem.g > 0)
     return np.asarray(((codes == 2) | (codes == 5)) & rubs)
 
 
 def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return (ut1, ut2, un, rt1, rt2, rn) of the points for given unknowns, shape (m, 6).
+    """Return displacements ut1, ut2, un and forces rt1, rt2, rn of m points, shape (m, 6).
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem scaled by `ReducedProblem.scaled`.
         codes: statuses, shape (m,).
-        z: unknowns of the piece, shape (m, 3).
+        z: unknowns, as in `SpacePiece`, shape (m, 3).
         e: slip directions, shape (m, 2).
     """
     z, e = Ball.of(z), Ball.of(e)
@@ -1702,9 +1855,11 @@ def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball 
 
 
 def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return the Jacobian of S a - r - p with respect to the unknowns z, shape (3 m, 3 m).
+    """Return the Jacobian matrix of the equilibrium residual, shape (3 m, 3 m).
 
-    The arguments are those of `space_state`.
+    Its columns belong to the unknowns ``z`` of `SpacePiece`. The residual is S a - r - p with the
+    stiffness matrix S, displacements a, forces r and load p. The arguments are those of
+    `space_state`.
     """
     z, e = Ball.of(z), Ball.of(e)
     S = problem.stiffness
@@ -1732,7 +1887,16 @@ def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ba
 
 
 def _growth(piece: SpacePiece, radius: Array) -> Array:
-    """Return the left-hand side |C f| + |I - C J| r of Krawczyk's test, shape (3 m,)."""
+    """Return the left-hand side of Krawczyk's test on a ball, shape (3 m,) for m points.
+
+    It is |C f| + |I - C J| r with the residual f, its Jacobian J in the ball, an approximate
+    inverse C, the identity matrix I and the radii r. If it is below r, the ball contains exactly
+    one solution.
+
+    Args:
+        piece: approximate solution at the centre of the ball.
+        radius: radii r of the ball, shape (m, 3).
+    """
     turn = np.where(piece.slips, radius[:, 1] + 16 * _U, 0.0)
     unknowns = Ball(piece.z, radius), Ball(piece.e, np.stack([turn, turn], axis=1))
     J = space_jacobian(piece.problem, piece.codes, *unknowns)
@@ -1741,7 +1905,10 @@ def _growth(piece: SpacePiece, radius: Array) -> Array:
 
 
 def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Ball:
-    """Return S a - r - p, with the round-off of the slip directions included, shape (3 m,)."""
+    """Return the equilibrium residual of given unknowns with error bounds, shape (3 m,).
+
+    The arguments are those of `space_state`. The round-off of the slip directions is included.
+    """
     turn = np.where(_slipping(problem, codes), 16 * _U, 0.0)
     state = space_state(problem, codes, z, Ball(e, np.stack([turn, turn], axis=1)))
     a, r = (state[:, columns].reshape(-1) for columns in (slice(0, 3), slice(3, 6)))
@@ -1749,12 +1916,14 @@ def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> B
 
 
 def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiece | None:
-    """Return the solution of a piece near z; None if Krawczyk's test does not prove one.
+    """Solve a 3D problem with one given status per point, near given unknowns.
+
+    None if Krawczyk's test (`_growth`) does not prove that there is a solution.
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         codes: statuses, shape (m,).
-        z: approximate unknowns, improved by up to three Newton steps, shape (m, 3).
+        z: approximate unknowns (`SpacePiece`), shape (m, 3), improved by up to three Newton steps.
     """
     z = np.array(z, dtype=np.float64)
     slips = _slipping(problem, codes)
@@ -1800,12 +1969,14 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
 
 
 def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
-    """Return whether the cells provably contain no solution except the solution of a piece.
+    """Return whether the cells provably contain no solution except that of ``piece``.
+
+    An interval matrix that maps the difference of two solutions to 0 is proved to be regular.
 
     Args:
-        piece: solution b of a piece.
-        cells: cells of all points; at every point all of them have the kind of b.
-        most: upper bounds of the quantities, shape (MOST, m).
+        piece: solution for one given status per point.
+        cells: cells of all points; at each point all of them have the kind of this status.
+        most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
     """
     problem = piece.problem
     if (problem.g > 0).any():
@@ -1852,7 +2023,7 @@ class _Term:
 
 
 def _contracts(G: Array) -> bool:
-    """Return whether G v < v is proved for some v > 0; G is a nonnegative matrix."""
+    """Return whether G v < v is proved for some vector v > 0, with a nonnegative matrix G."""
     if not np.isfinite(G).all():
         return False
     v = np.ones(len(G))
@@ -1865,13 +2036,13 @@ def _contracts(G: Array) -> bool:
 def angles_of(
     piece: SpacePiece, cells: Cells, point: int, widest: float = 3.5
 ) -> tuple[float, float] | None:
-    """Return the range of the angle from the slip direction of b to directions in the arcs.
+    """Return the range of angles from the slip direction of ``piece`` to those in the arcs.
 
-    The result is the smallest and the largest angle, in radians. It is None if the arcs contain the
-    direction opposite to the slip of b, or their hull is wider than ``widest``.
+    The result is the smallest and the largest angle, in radians. It is None if the arcs of the
+    point contain the direction opposite to the slip, or their hull is wider than ``widest``.
 
     Args:
-        piece: solution b of a piece.
+        piece: solution for one given status per point.
         cells: cells of all points.
         point: index of the point.
         widest: largest width of the hull (`Cells.hull`) of the arcs, in diamond angles.
@@ -1937,24 +2108,27 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
 
 
 def _force(problem: ReducedProblem, i: int, direction: Array) -> Ball:
-    """Return a vector with F times a direction at point ``i`` and 0 elsewhere, shape (3 m,)."""
+    """Return a vector with F times a direction at point ``i``, 0 elsewhere, shape (3 m,).
+
+    F is the friction coefficient of the point.
+    """
     found = Ball(np.zeros(len(problem.p)), np.zeros(len(problem.p)))
     found.put(slice(3 * i, 3 * i + 2), problem.friction[i] * Ball.of(direction))
     return found
 
 
 def _between(low: float, high: float, cosine: float) -> tuple[float, float]:
-    """Return midpoint and half-width of the products of [low, high] and [cosine, 1]."""
+    """Return the midpoint and the half-width of the products of [low, high] and [cosine, 1]."""
     low, high = min(low, low * cosine), max(high, high * cosine)
     return (low + high) / 2, (high - low) / 2 + 8 * _ANGLES * max(abs(low), abs(high))
 
 
 def _mean(most: Array, quantity: int, i: int, value: float, off: float) -> tuple[float, float]:
-    """Return lower and upper bounds of the mean of the values of s or rn in a and b.
+    """Return lower and upper bounds of the mean of a quantity in two solutions a and b.
 
     Args:
-        most: upper bounds of the quantities of a, shape (MOST, m).
-        quantity: `OF_S` for s, `OF_RN` for rn.
+        most: upper bounds of the quantities of `bounded_in_space` at a, shape (MOST, m).
+        quantity: `OF_S` for the slip distance, `OF_RN` for the normal force.
         i: index of the point.
         value: value in b.
         off: error bound of this value.
@@ -2020,7 +2194,11 @@ class SpaceDifferences:
 
     @cached_property
     def rows(self) -> Array:
-        """Matrices that map the unknown components to d and e at each point, shape (m, 6, n)."""
+        """Matrices that map the unknowns to (d, e) at each of m points, shape (m, 6, n).
+
+        The unknowns are the n components of d that may be nonzero. Here d is the difference of the
+        displacements of two solutions, and e = S d with the stiffness S.
+        """
         m = self.problem.points
         found = np.zeros((m, _ROWS, len(self.unknown)))
         found[self.unknown // 3, self.unknown % 3, np.arange(len(self.unknown))] = 1.0
@@ -2028,7 +2206,10 @@ class SpaceDifferences:
         return found
 
     def prove(self, weights: Array, mu: float) -> bool:
-        """Return whether the weighted sum is proved to be positive definite within all errors.
+        """Return whether the weighted sum of the forms is proved to be positive definite.
+
+        The proof holds within all errors of the data and of rounding. It implies that the two
+        compared solutions are equal.
 
         Args:
             weights: nonnegative weights of the forms, ignored where a form is absent, shape (9, m).
@@ -2065,14 +2246,14 @@ class SpaceDifferences:
 
 
 def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDifferences | None:
-    """Return the inequalities for the difference of a solution a and the solution b of a piece.
+    """Return inequalities in 3D for the difference of two solutions a and b.
 
     None if b does not provably satisfy the conditions of the inequalities.
 
     Args:
-        piece: solution b of a piece.
+        piece: solution b for one given status per point.
         cells: cells that contain a.
-        most: upper bounds of the quantities of a, shape (MOST, m).
+        most: upper bounds of the quantities of `bounded_in_space` at a, shape (MOST, m).
     """
     problem = piece.problem
     m = problem.points
@@ -2104,7 +2285,7 @@ def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDiff
 
 
 class _Forms:
-    """Quadratic forms of (d, e) by family and point, assembled from products of linear forms."""
+    """Sums of products of linear forms: the quadratic forms of `SpaceDifferences`."""
 
     def __init__(self, m: int):
         self.shape = (len(FAMILIES), m)
@@ -2113,9 +2294,10 @@ class _Forms:
         self.parts: list[tuple[Array, Array, Array, Array]] = []
 
     def add(self, family: int, i: int, factor: float, x: Ball, y: Ball) -> None:
-        """Add factor x y, with linear forms x and y of (d, e), to the form of a family and point.
+        """Add the product factor x y to the quadratic form of a family at point ``i``.
 
-        The factor must be exact or a safe bound.
+        x and y are linear forms of (d, e), see `SpaceDifferences`. The factor must be exact or a
+        safe bound.
         """
         self.places.append((family, i))
         self.factors.append(factor)
@@ -2140,7 +2322,12 @@ class _Forms:
 
 
 def _linear(**parts: tuple[float, float]) -> Ball:
-    """Return a linear form of (d, e) from its named coefficients and their error bounds."""
+    """Return a linear form of (d, e), see `SpaceDifferences`.
+
+    Args:
+        **parts: coefficient and its error bound for the components "d1", "d2", "dn", "e1", "e2" and
+            "en"; by default 0.
+    """
     names = ("d1", "d2", "dn", "e1", "e2", "en")
     value = np.zeros(_ROWS)
     away = np.zeros(_ROWS)
@@ -2156,9 +2343,12 @@ _E = (_linear(e1=_ONE), _linear(e2=_ONE), _linear(en=_ONE))
 
 
 def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
-    """Return xi_b, an error bound of its components, and a lower bound of |ut_b|, at a point.
+    """Return the slip direction at point ``i``, its error bound, and a bound of the slip.
 
-    None if no error bound of xi_b is available, because rn_b or ut_b may be zero.
+    The direction is -rt / (F rn) if the point sticks, with the forces rt and rn and the friction
+    coefficient F. The error bound applies to its components. The last number is a lower bound of
+    the length of the tangential displacement. None if no error bound is available, because the
+    forces or the displacement may be zero.
     """
     F = float(piece.problem.friction[i])
     state, away = piece.state[i], piece.away[i]
@@ -2181,9 +2371,9 @@ def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
 def _forms_of_coulomb(
     piece: SpacePiece, cells: Cells, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point with Coulomb friction.
+    """Add the forms (`SpaceDifferences`) of point ``i``, which has Coulomb friction.
 
-    Return whether b provably satisfies the conditions of its status.
+    Return whether the solution of ``piece`` provably satisfies the conditions of its status.
     """
     code = int(piece.codes[i])
     kind = {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}.get(code)
@@ -2235,7 +2425,7 @@ def _tangential(
 
 
 def _largest_pressure(most: Array, i: int, kinds: frozenset[int]) -> float:
-    """Return an upper bound of rn at a point with cells of these kinds."""
+    """Return an upper bound of the normal force at a point with cells of these kinds."""
     slides = ends_of(most, OF_RN)[1][i] if kinds & {IN_SLIP, IN_CLOSED} else 0.0
     sticks = max(float(most[OF_RK, i]), 0.0) if IN_STICK in kinds else 0.0
     return float(max(slides, sticks))
@@ -2300,9 +2490,9 @@ def _of_arcs(
 def _forms_of_given(
     piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point without Coulomb friction.
+    """Add the forms (`SpaceDifferences`) of point ``i``, which has no Coulomb friction.
 
-    Return whether b provably satisfies the conditions of its status.
+    Return whether the solution of ``piece`` provably satisfies the conditions of its status.
     """
     code = int(piece.codes[i])
     g = float(piece.problem.g[i])
@@ -2374,7 +2564,11 @@ class Certificate:
     force_unit: float = 1.0
 
     def vector(self, y: Array) -> int:
-        """Store a vector of multipliers, shape (dim m,), and return its index in `vectors`."""
+        """Store a vector of multipliers and return its index in `vectors`.
+
+        Args:
+            y: multipliers of the equilibrium equations of m points, shape (dim m,).
+        """
         if not self.vectors or self.vectors[-1] is not y:
             self.vectors.append(y)
         return len(self.vectors) - 1
@@ -2386,7 +2580,10 @@ class Certificate:
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of the steps, the vectors and, if it is not 1, `force_unit`, hexadecimal."""
+        """SHA-256 hash of the steps and the vectors, hexadecimal.
+
+        It includes `force_unit` if this is not 1.
+        """
         unit = {} if self.force_unit == 1.0 else {"force_unit": np.array(self.force_unit)}
         return _digest({"vectors": self._table} | unit, json.dumps(self.steps))
 
@@ -2395,7 +2592,7 @@ class Certificate:
         return np.array(self.vectors, dtype=float).reshape(len(self.vectors), len(self.problem.p))
 
     def save(self, path: str | Path) -> None:
-        """Write the proof to a ``.npz`` file, which `main` checks. Call it on one rank only."""
+        """Write the proof to a ``.npz`` file, which `main` can check. Call it on one rank only."""
         p = self.problem
         np.savez_compressed(
             path,
@@ -2458,7 +2655,7 @@ class Certificate:
 
 
 def _digest(arrays: dict[str, Array], text: str = "") -> str:
-    """Return the SHA-256 hash of arrays (names, shapes, values) and a text.
+    """Return the SHA-256 hash of a text and of the names, shapes and values of arrays.
 
     It does not depend on the machine.
     """
@@ -2481,9 +2678,9 @@ def in_words(solutions: int, border: int, singular: int, regions: int) -> str:
 
     Args:
         solutions: number of proved solutions.
-        border: number of pieces with a solution at a border.
-        singular: number of pieces that may be singular.
-        regions: number of open regions.
+        border: number of states that satisfy an inequality only within the error bounds.
+        singular: number of choices of statuses for which the equations may be singular.
+        regions: number of regions about which nothing is proved.
     """
     known = f"{_number(solutions, 'solution')}, proved"
     if not border + singular + regions:
@@ -2504,16 +2701,16 @@ def _number(number: int, word: str) -> str:
 
 @dataclass(eq=False)
 class Proved:
-    """Statements about the solutions that the steps have proved.
+    """Statements about the solutions that the steps of a proof have proved.
 
     Attributes:
-        inside: solutions of pieces that strictly satisfy all inequalities.
-        border: states of pieces satisfying an inequality only within the error bounds; each may
-            or may not be a solution.
-        singular: statuses of pieces that may contain one solution, none or a continuum, shape (m,)
-            each.
-        open_regions: sets of statuses (in space, cells) about which nothing is proved.
-        at_rest: whether the load vanishes, so that a = 0 is the only solution.
+        inside: solutions that strictly satisfy all inequalities of the law.
+        border: states that satisfy an inequality only within the error bounds; each may or may not
+            be a solution.
+        singular: statuses of the m points, shape (m,) each, for which the equations may be
+            singular; each may have one solution, none or a continuum.
+        open_regions: sets of statuses (in 3D, cells) about which nothing is proved.
+        at_rest: whether the load vanishes, so that zero displacement is the only solution.
     """
 
     inside: list[PieceSolution | SpacePiece] = field(default_factory=list)
@@ -2527,7 +2724,7 @@ class Proved:
         """Completeness of the proved solutions.
 
         ``"complete"``: no other solution exists. ``"degenerate"``: other solutions are possible
-        only in `border` and `singular`. ``"open"``: regions are undecided.
+        only in `border` and `singular`. ``"open"``: other solutions are possible in `open_regions`.
         """
         if self.open_regions:
             return "open"
@@ -2538,10 +2735,12 @@ class Proved:
         return in_words(number, len(self.border), len(self.singular), len(self.open_regions))
 
     def add(self, piece: PieceSolution | SpacePiece) -> None:
-        """Add the solution of a piece according to its verdict, unless it is already included.
+        """Add a solution to `inside` or `border`, unless it is already included.
+
+        A solution of the equations that certainly violates the law is ignored.
 
         Raises:
-            InvalidCertificate: if two solutions in space cannot be distinguished.
+            InvalidCertificate: if two solutions in 3D cannot be distinguished.
         """
         kind = piece.verdict
         if kind == "outside":
@@ -2563,35 +2762,39 @@ def _is_same(a: PieceSolution | SpacePiece, b: PieceSolution | SpacePiece) -> bo
 
 
 class _Region:
-    """Node of the search tree: remaining statuses or cells, and bounds of the solutions there."""
+    """Node of the search tree: remaining statuses or cells, with bounds of the solutions."""
 
     def dual(self, y: Array) -> Any:
-        """Return the `Dual` or `SpaceDual` of a vector of multipliers."""
+        """Return the `Dual` (2D) or `SpaceDual` (3D) with the multipliers ``y``."""
         raise NotImplementedError
 
     @property
     def limits(self) -> tuple[Any, Array]:
-        """Remaining statuses or cells, and their bounds: first arguments of methods of the dual."""
+        """Remaining statuses or cells of the region, and the bounds of the solutions in them.
+
+        They are the first two arguments of `Dual.impossible` and `SpaceDual.impossible`.
+        """
         raise NotImplementedError
 
     def excluded(self, y: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Return a mask of the excluded statuses, shape (m, 7), or cells, shape (k,).
+        """Return a mask of the statuses, shape (m, 7), or cells, shape (k,), that are excluded.
 
         Args:
-            y: multipliers, shape (dim m,).
-            margin: required ratio of the dual bound L to its error bound; by default 1.
+            y: multipliers (`Dual`, `SpaceDual`), shape (dim m,) for m points.
+            margin: required ratio of the lower bound L of the dual to its error bound; by default
+                1.
         """
         return np.asarray(self.dual(y).impossible(*self.limits, margin))
 
 
 @dataclass(eq=False)
 class StatusRegion(_Region):
-    """Region of the plane search: allowed statuses, and bounds of the solutions with them.
+    """Region of the search in 2D: allowed statuses, and bounds of the solutions with them.
 
     Attributes:
-        problem: scaled reduced problem.
-        allowed: allowed statuses as bit masks, shape (m,).
-        ub: upper bounds of the quantities (`bounded`), shape (6, m).
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        allowed: allowed statuses of the points as bit masks, shape (m,).
+        ub: upper bounds of the six quantities of `bounded`, shape (6, m).
     """
 
     problem: ReducedProblem
@@ -2602,13 +2805,16 @@ class StatusRegion(_Region):
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> StatusRegion:
-        """Return the region with all statuses and the energy bounds."""
+        """Return the region with all statuses that the law admits, and the bounds of `bounded`."""
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
     def held(self, allowed: Masks) -> StatusRegion:
-        """Return the region with other allowed statuses as bit masks, shape (m,).
+        """Return a copy of the region with other allowed statuses.
 
-        The bounds of quantities that vanish in all of them are set to 0.
+        The bounds of quantities that vanish in all of these statuses are set to 0.
+
+        Args:
+            allowed: allowed statuses of the m points as bit masks, shape (m,).
         """
         return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
@@ -2619,7 +2825,7 @@ class StatusRegion(_Region):
 
     @property
     def pieces(self) -> float:
-        """Number of pieces, the product of the numbers of remaining statuses."""
+        """Number of choices of one remaining status per point."""
         return float(np.prod([float(len(c)) for c in self.choices]))
 
     def dual(self, y: Array) -> Dual:
@@ -2630,20 +2836,24 @@ class StatusRegion(_Region):
         return self.allowed, self.ub
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether a mask, shape (m, 7), excludes all remaining statuses of some point."""
+        """Return whether all remaining statuses of some point are excluded.
+
+        Args:
+            excluded: mask of the excluded statuses of the m points, shape (m, 7).
+        """
         return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
     def limit(self, slot: int, point: int, value: float) -> None:
-        """Lower the bound of a quantity at a point to ``value``."""
+        """Lower the bound of the quantity with the index ``slot`` (`bounded`) at a point."""
         self.ub = self.ub.copy()
         self.ub[slot, point] = max(min(self.ub[slot, point], value), 0.0)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[StatusRegion]:
-        """Return the region after the exclusion of some statuses, checking that it is proved.
+        """Return the region without some statuses, as a list of one region.
 
         Args:
             what: pairs of a point and a status to be excluded.
-            excluded: mask of the statuses whose exclusion is proved, shape (m, 7).
+            excluded: mask of the statuses whose exclusion is proved, shape (m, 7) for m points.
 
         Raises:
             InvalidCertificate: if the exclusion of a status is not proved.
@@ -2656,7 +2866,7 @@ class StatusRegion(_Region):
         return [self.held(allowed)]
 
     def branched(self, step: dict[str, Any]) -> list[StatusRegion]:
-        """Return the parts into which a step ``branch`` divides the region, the last part first.
+        """Return the parts into which a ``branch`` step divides the region, the last part first.
 
         Raises:
             InvalidCertificate: if the parts do not cover all remaining statuses of the point.
@@ -2673,13 +2883,17 @@ class StatusRegion(_Region):
         return parts
 
     def opened(self, _: dict[str, Any]) -> Masks:
-        """Return the allowed statuses as bit masks, shape (m,); nothing is proved about them."""
+        """Return the allowed statuses of the m points, about which nothing is proved.
+
+        They are bit masks, shape (m,).
+        """
         return self.allowed
 
     def only(self, step: dict[str, Any]) -> PieceSolution:
-        """Return the piece of a step ``only``, after proving that no other solution is possible.
+        """Return the only possible solution of the region, stored in an ``only`` step.
 
-        The inequalities of the piece are not checked: it need not be a solution.
+        It is proved that no other solution is possible. The inequalities of the law are not
+        checked, so that it need not be a solution itself.
 
         Raises:
             InvalidCertificate: if uniqueness is not proved.
@@ -2698,11 +2912,12 @@ class StatusRegion(_Region):
 
 @dataclass(frozen=True, eq=False)
 class OpenCells:
-    """Cells in space about which nothing is proved.
+    """Cells in 3D about which nothing is proved.
 
     Attributes:
         cells: cells of all points.
-        most: upper bounds of the quantities in these cells, in scaled units, shape (MOST, m).
+        most: upper bounds of the quantities of `bounded_in_space` in these cells, in scaled units,
+            shape (MOST, m) for m points.
         why: reason why nothing is proved, human-readable.
     """
 
@@ -2712,7 +2927,7 @@ class OpenCells:
 
     @property
     def statuses(self) -> Masks:
-        """Remaining statuses of the points as bit masks, shape (m,).
+        """Remaining statuses of the m points as bit masks, shape (m,).
 
         Status 2 denotes slip, or contact of a point without Coulomb friction.
         """
@@ -2723,12 +2938,12 @@ class OpenCells:
 
 @dataclass(eq=False)
 class SpaceRegion(_Region):
-    """Region of the search in space: cells of the points, and bounds of the solutions in them.
+    """Region of the search in 3D: cells of the points, and bounds of the solutions in them.
 
     Attributes:
-        problem: scaled reduced problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         cells: remaining cells, at least one at every point.
-        most: upper bounds of the quantities, shape (MOST, m).
+        most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
     """
 
     problem: ReducedProblem
@@ -2739,11 +2954,15 @@ class SpaceRegion(_Region):
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> SpaceRegion:
-        """Return the region with all cells and the energy bounds."""
+        """Return the region with all cells, and the bounds of `bounded_in_space`."""
         return cls(problem, Cells.whole(problem), bounded_in_space(problem))
 
     def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
-        """Return the region with the cells selected by a mask, shape (k,)."""
+        """Return the region restricted to some of its k cells.
+
+        Args:
+            keep: mask of the cells that remain, shape (k,).
+        """
         return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
 
     @property
@@ -2759,22 +2978,26 @@ class SpaceRegion(_Region):
         return self.cells, self.most
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether a mask, shape (k,), excludes all cells of some point."""
+        """Return whether all cells of some point are excluded.
+
+        Args:
+            excluded: mask of the excluded ones of the k cells, shape (k,).
+        """
         return bool(np.logical_and.reduceat(excluded, self.cells.first).any())
 
     def limit(self, quantity: int, point: int, value: float) -> None:
-        """Lower the bound of a quantity at a point to ``value``."""
+        """Lower the bound of a quantity of `bounded_in_space` at a point to ``value``."""
         self.most = self.most.copy()
         self.most[quantity, point] = min(self.most[quantity, point], value)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[SpaceRegion]:
-        """Return the region after the exclusion of some cells, checking that it is proved.
+        """Return the region without some cells, as a list of one region.
 
         The list is empty if no cell of a point remains.
 
         Args:
             what: indices of the cells to be excluded.
-            excluded: mask of the cells whose exclusion is proved, shape (k,).
+            excluded: mask of the k cells whose exclusion is proved, shape (k,).
 
         Raises:
             InvalidCertificate: if the exclusion of a cell is not proved.
@@ -2788,10 +3011,11 @@ class SpaceRegion(_Region):
         return [left] if len(left.cells.first) == self.problem.points else []
 
     def branched(self, step: dict[str, Any]) -> list[SpaceRegion]:
-        """Return the parts into which a step ``branch`` divides the region, the last part first.
+        """Return the parts into which a ``branch`` step divides the region, the last part first.
 
         Raises:
-            InvalidCertificate: if the parts do not cover all cells of the point.
+            InvalidCertificate: if the parts do not cover all cells of the point, or a part has no
+                cell.
         """
         here = self.cells.node == _index(step["point"], self.problem.points)
         left = here.copy()
@@ -2813,9 +3037,10 @@ class SpaceRegion(_Region):
         return OpenCells(self.cells, self.most, str(step["why"]))
 
     def only(self, step: dict[str, Any]) -> SpacePiece:
-        """Return the piece of a step ``only`` or ``leaf`` after proving its uniqueness.
+        """Return the only possible solution of the region, from an ``only`` or a ``leaf`` step.
 
-        The inequalities of the piece are not checked: it need not be a solution.
+        It is proved that no other solution is possible. The inequalities of the law are not
+        checked, so that it need not be a solution itself.
 
         Raises:
             InvalidCertificate: if uniqueness is not proved.
@@ -2847,10 +3072,10 @@ ProofRegion: TypeAlias = StatusRegion | SpaceRegion
 
 
 def whole_region(problem: ReducedProblem) -> ProofRegion:
-    """Return the root of the search tree: all statuses or cells, and the energy bounds.
+    """Return the root of the search tree: all statuses (in 3D, cells) and the energy bounds.
 
     Args:
-        problem: scaled reduced problem.
+        problem: reduced problem scaled by `ReducedProblem.scaled`.
     """
     return (SpaceRegion if problem.dim == 3 else StatusRegion).whole(problem)
 
@@ -2944,15 +3169,16 @@ def follow(
 def _all_pieces(
     certificate: Certificate, singular: list[Any], region: StatusRegion, proved: Proved
 ) -> None:
-    """Solve all pieces of a region that is closed by the step ``pieces``.
+    """Solve the equations of a region for every choice of one allowed status per point.
 
-    Singular pieces are skipped if vectors prove that they contain no solution.
+    This checks a ``pieces`` step. Choices with singular equations are skipped if a vector of
+    multipliers proves that they have no solution.
 
     Args:
         certificate: proof containing the vectors.
-        singular: pairs of the statuses of a singular piece and the index of the vector that proves
-            it empty.
-        region: region to be closed.
+        singular: pairs of such a choice of statuses and the index of the vector that proves it
+            empty.
+        region: region with the allowed statuses.
         proved: container to which the proved statements are added.
     """
     if region.pieces > MOST_PIECES:
@@ -2973,7 +3199,10 @@ def _all_pieces(
 
 
 def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
-    """Return the statuses of a step, shape (m,), after checking that the laws admit them."""
+    """Return the statuses in a step of a proof after checking that the law admits them.
+
+    The shape is (m,) for m points.
+    """
     codes = step["codes"]
     if len(codes) != problem.points:
         raise InvalidCertificate("statuses do not fit")
@@ -2985,15 +3214,15 @@ def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
 
 
 def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float:
-    """Return the proved value of a step ``bound``.
+    """Return the upper bound that a ``bound`` step of a proof proves.
 
-    Sums are rounded differently on different processors. The stored bound may therefore be smaller
-    than the one proved on this machine, by at most the error bound that both include. The larger of
-    the two is valid on either machine.
+    Sums are rounded differently on different processors. The bound stored in the step may therefore
+    be smaller than the bound proved on this machine, by at most the error bound that both include.
+    The larger of the two is valid on either machine.
 
     Args:
         step: step of the proof.
-        bound: upper bound proved by the vector of the step.
+        bound: upper bound proved by the multipliers of the step.
         round_off: error bound included in ``bound``.
 
     Raises:
@@ -3035,7 +3264,7 @@ def _letters(problem: ReducedProblem, codes: Codes) -> str:
 def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Ball]]:
     """Return the names and values of the forces that can be summed over the points.
 
-    In space only normal forces are included, as the tangents differ from point to point.
+    In 3D only normal forces are included, because the tangential axes differ from point to point.
     """
     if isinstance(piece, SpacePiece):
         return [("rn", piece.numbers[:, 5])]
@@ -3043,9 +3272,9 @@ def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Ball]]:
 
 
 def _sum_of(forces: Ball, unit: float) -> str:
-    """Return the sum of forces as text.
+    """Return the sum of forces, times ``unit``, and its error bound as text.
 
-    Its error bound includes the rounding to 12 digits.
+    The error bound includes the rounding to 12 digits.
     """
     total = np.ones(len(forces.value)) @ forces
     value = unit * float(total.value)

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Linear program over the convex hull of a region of cells.
+r"""Linear program over the convex hull of a region of cells (`check_proof.Cells`).
 
-Every cell is contained in a polytope of states (a, r): a box for open points; a cone over an
-octagon around the friction disc for stick; and for slip, the corners of (s, rn) in the directions
-of both ends of the arc and of the intersection of their tangents. A shear with a prescribed bound
-has an octagon of its own. At a solution, the state of every point is a convex combination of the
-corners, and S a - r = p. Multipliers of an infeasible program are candidates for
-`check_proof.SpaceDual`, which uses the curved sets instead of the polytopes.
+Every cell is contained in a polytope of states (a, r), the displacement and the force of a point: a
+box for open points; a cone over an octagon around the friction disc for stick; and for slip, the
+convex hull of corners. These corners have the smallest and largest slip distance and normal force,
+in the directions of both ends of the arc and of the intersection of their tangents. The tangential
+force at a point with a prescribed friction bound has an octagon of its own.
+
+At a solution, the state of every point is a convex combination of the corners, and the equilibrium
+S a - r = p holds with the stiffness matrix S and the load p. Multipliers of an infeasible program
+are candidates for `check_proof.SpaceDual`, which uses the curved sets instead of the polytopes.
 """
 
 from __future__ import annotations
@@ -39,16 +42,18 @@ _OCTAGON = _CORNERS * (2 / (_CORNERS**2).sum(axis=1))[:, None]
 
 
 class Hull:
-    """Linear program of a region, with warm starts from the last basis.
+    """Linear program for the states in a region, with warm starts from the last basis.
 
     Args:
-        problem: scaled problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         cells: cells of the region.
-        most: upper bounds of the quantities (`check_proof`), shape (MOST, m).
+        most: upper bounds of the quantities of `check_proof.bounded_in_space`, shape (MOST, m).
 
     Attributes:
-        corners: state (a, r) of a point for each of the k columns of the program, shape (k, 6).
-        cell: index of the cell of each column, shape (k,); -1 for shears with a prescribed bound.
+        corners: displacement and force of a point for each of the k columns of the program, shape
+            (k, 6).
+        cell: index of the cell of each column, shape (k,); -1 for tangential forces with a
+            prescribed bound.
         node: index of the contact point of each column, shape (k,).
     """
 
@@ -84,7 +89,7 @@ class Hull:
         return self._simplex.count
 
     def empty(self, cell: int | None = None) -> Array | None:
-        """Return multipliers y, shape (3 m,), that exclude all solutions.
+        """Return multipliers that exclude all solutions, shape (3 m,) for m points.
 
         None if the program is feasible.
 
@@ -99,10 +104,12 @@ class Hull:
         return None if y is None else self._scaled(-y)
 
     def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
-        """Return multipliers y, shape (3 m,), that bound a quantity from above; None if not found.
+        """Return multipliers that bound a quantity from above, shape (3 m,) for m points.
+
+        None if no multipliers were found.
 
         Args:
-            quantity: index of the quantity (`check_proof.MOST`).
+            quantity: index of the quantity of `check_proof.bounded_in_space`.
             point: index of the contact point.
             kinds: kinds of cells in which the quantity is bounded.
         """
@@ -125,7 +132,10 @@ class Hull:
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Displacements and forces at the solution of the last program, shape (m, 3) each."""
+        """Displacements and forces at the solution of the last linear program.
+
+        They have the shape (m, 3) each for m points.
+        """
         x = self._simplex.point[:, None] * self.corners
         found = np.zeros((self.problem.points, 6))
         np.add.at(found, self.node, x)
@@ -133,7 +143,7 @@ class Hull:
 
 
 def _value(corners: Array, quantity: int) -> Array:
-    """Return the quantity with a given index at each corner; s is the length of ut."""
+    """Return the quantity with a given index (`check_proof.bounded_in_space`) at each corner."""
     if quantity == OF_UN:
         return corners[:, 2]
     if quantity < OF_UN:
@@ -147,7 +157,8 @@ def _corners(problem: ReducedProblem, cells: Cells, most: Array) -> tuple[Array,
     """Return the corners of the polytopes of all cells, sorted by cell.
 
     Returns:
-        States (a, r) of the corners, shape (k, 6), and indices of their cells, shape (k,).
+        Displacements and forces at the corners, shape (k, 6), and indices of their cells, shape
+        (k,).
     """
     parts = []
     numbers = []
@@ -172,14 +183,18 @@ def _of_closed(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -
 
 
 def _boxes(nodes: Ints, most: Array, column: int, low: Array, high: Array) -> Array:
-    """Return the corners of boxes of ut and one normal component, shape (k, 8, 6).
+    """Return the corners of boxes of tangential displacement and one normal component.
+
+    The shape is (k, 8, 6): 8 corners for each of k points, with the displacement and the force.
 
     Args:
         nodes: indices of the k points.
-        most: upper bounds of the quantities, shape (MOST, m).
-        column: column of the normal component in a state (a, r): 2 for un, 5 for rn.
+        most: upper bounds of the quantities of `check_proof.bounded_in_space`, shape (MOST, m) for
+            m points in total.
+        column: column of the normal component: 2 for the normal displacement, 5 for the normal
+            force.
         low: smallest value of this component at each point, shape (m,).
-        high: largest value, shape (m,).
+        high: largest value of this component at each point, shape (m,).
     """
     found = np.zeros((len(nodes), 8, 6))
     corner = np.arange(8)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Decision whether a solution of a reduced problem is unique.
 
-The *certificate of one point* is the uniqueness proof by quadratic inequalities (differences,
-`check_proof.py`), applied to the whole problem. It is tried first; in 2D it needs a few eigenvalue
-problems of the size of the reduced problem. If it fails, Newton's method searches for a second
-solution from several starts. Then, in 2D, the certificate is tried with more iterations for its
-weights. With a positive time limit, both searches use more effort, and branch and bound follows.
+The *certificate of one point* compares all solutions with the given one by quadratic inequalities
+(`check_proof.Differences`), for the whole problem at once. It is tried first; in 2D it needs a few
+eigenvalue problems of the size of the reduced problem. If it does not hold, Newton's method
+searches for a second solution from several starts. Then, in 2D, the certificate is tried with more
+iterations for its weights. With a positive time limit, both searches use more effort, and branch
+and bound follows.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class OnlySolution:
     Attributes:
         verdict: verdict as in `results.uniqueness.Uniqueness`.
         reason: reason for the verdict, human-readable.
-        other: statuses, shape (m,), and state, shape (m, 2 dim), of a second solution; None if none
-            is known.
+        other: statuses of the m contact points, shape (m,), and their displacements and forces,
+            shape (m, 2 dim), in a second solution; None if none is known.
         certificate: proof of uniqueness; None without a proof.
     """
 
@@ -65,10 +66,12 @@ def is_only(
     """Decide whether a solution is unique.
 
     Args:
-        problem: reduced problem.
-        solution: statuses of the solution, shape (m,), in 2D; its state, shape (m, 6), in 3D.
-        proof_seconds: time limit of branch and bound if the certificate of one point fails; by
-            default 0. If positive, the other methods use more starts and iterations.
+        problem: reduced problem with m contact points.
+        solution: in 2D the statuses of the solution, shape (m,); in 3D its displacements and
+            forces, shape (m, 6).
+        proof_seconds: time limit of branch and bound if the certificate of one point (see the
+            module) does not hold; by default 0. If positive, the other methods use more starts and
+            iterations.
     """
     more = proof_seconds > 0
     plane = problem.dim == 2
@@ -108,7 +111,11 @@ def is_only(
 def _of_one_point(
     problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    """Return a proof that consists of a single step ``only``; None if that step fails."""
+    """Return a proof of uniqueness that consists of one step; None if none is found.
+
+    Without a load, this is a ``rest`` step; otherwise the step compares all solutions with
+    ``piece``.
+    """
     search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
     region = whole_region(search.problem)
     if search.step(region, do="rest") is not None:
@@ -121,7 +128,7 @@ def _of_one_point(
 def _another(
     problem: ReducedProblem, solution: Any, starts: int, units: Array
 ) -> PieceSolution | SpacePiece | None:
-    """Search for another solution that provably and strictly satisfies its inequalities.
+    """Search for another solution that provably and strictly satisfies the contact law.
 
     None if none is found.
     """
@@ -141,7 +148,14 @@ def _another(
 
 
 def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
-    """Return whether the statuses (in 2D) or the state (in 3D) agree with the solution."""
+    """Return whether the statuses (in 2D) or the state (in 3D) agree with ``solution``.
+
+    Args:
+        dim: dimension, 2 or 3.
+        codes: statuses of the m points, shape (m,).
+        state: displacements and forces of the points, shape (m, 2 dim).
+        solution: statuses, shape (m,), in 2D; displacements and forces, shape (m, 6), in 3D.
+    """
     if dim == 2:
         return np.array_equal(codes, solution)
     for part in (slice(0, 3), slice(3, 6)):

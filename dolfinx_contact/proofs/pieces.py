@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Approximate solutions of pieces in 3D, and statuses of the points of a region.
+"""Approximate solutions in 3D for given statuses, and choices of statuses in a region.
 
-The unknowns of a piece are defined in `check_proof`, which proves the solutions found here.
+The unknowns are defined in `check_proof.SpacePiece`. `check_proof` proves the solutions found here.
 """
 
 from __future__ import annotations
@@ -35,18 +35,28 @@ _CLOSE = 1e-11  # relative residual of a solution
 
 
 def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
-    """Return the mask of points that slip with friction, closed or open, shape (m,)."""
+    """Return the mask of the points, closed or open, that slip with friction, shape (m,)."""
     return ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
 
 
 def _directions(slips: Mask, z: Array) -> Array:
-    """Return slip directions for the unknowns z, 0 at points that do not slip, shape (m, 2)."""
+    """Return the slip directions of m points, 0 at points that do not slip, shape (m, 2).
+
+    ``z`` contains the unknowns (`check_proof.SpacePiece`), with the angles in column 1.
+    """
     e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
     return np.where(slips[:, None], e, 0.0)
 
 
 def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array:
-    """Return the unknowns of a piece for given displacements and forces, shape (m, 3)."""
+    """Return the unknowns (`check_proof.SpacePiece`) for given statuses, shape (m, 3).
+
+    Args:
+        problem: reduced problem with m points.
+        codes: statuses of the points, shape (m,).
+        a: displacements, shape (m, 3).
+        r: forces, shape (m, 3).
+    """
     opened = IS_OPEN[codes]
     stuck = (codes == 1) | (codes == 4)
     slips = _slips(problem, codes)
@@ -59,15 +69,15 @@ def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array
 
 
 def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | None:
-    """Solve a piece by Newton's method; return None if it does not converge.
+    """Solve the equations for given statuses by Newton's method; None without convergence.
 
     Args:
-        problem: scaled problem.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         codes: statuses of the points, shape (m,).
-        z: initial guess of the unknowns, shape (m, 3).
+        z: initial guess of the unknowns (`check_proof.SpacePiece`), shape (m, 3).
 
     Returns:
-        Unknowns of the piece, shape (m, 3).
+        Unknowns of the solution, shape (m, 3).
     """
     z = z.copy()
     slips = _slips(problem, codes)
@@ -90,14 +100,25 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
 
 
 def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
-    """Return displacements and forces for the unknowns of a piece, shape (m, 3) each."""
+    """Return the displacements and the forces of m points, shape (m, 3) each.
+
+    They are computed from the unknowns ``z`` (`check_proof.SpacePiece`) for the statuses ``codes``.
+    """
     e = _directions(_slips(problem, codes), z)
     state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
 
 
 def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -> Codes:
-    """Return the statuses of a solution, shape (m,)."""
+    """Return the statuses of the m points at a solution, shape (m,).
+
+    Args:
+        problem: reduced problem, scaled by `ReducedProblem.scaled`.
+        a: displacements, shape (m, 3).
+        r: forces, shape (m, 3).
+        small: normal force below which a point is open, and tangential displacement below which it
+            sticks; by default 1e-9.
+    """
     closed = r[:, 2] >= small
     still = np.hypot(a[:, 0], a[:, 1]) < small
     codes = np.where(closed, np.where(still, 1, 2), 0)
@@ -107,14 +128,14 @@ def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -
 
 
 def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
-    """Return the piece of an approximate solution, with error bounds of its exact solution.
+    """Return the exact solution near an approximate one, with error bounds.
 
-    None if the piece is not proved to have a solution there.
+    None if no solution with the same statuses is proved to exist there.
 
     Args:
-        problem: scaled problem.
-        a: displacements, shape (m, 3).
-        r: forces, shape (m, 3).
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        a: approximate displacements, shape (m, 3).
+        r: approximate forces, shape (m, 3).
     """
     codes = codes_of(problem, a, r)
     z = solved_piece(problem, codes, unknowns(problem, codes, a, r))
@@ -122,7 +143,14 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
 
 
 def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
-    """Return the allowed status of each point closest to its displacement and force, shape (m,)."""
+    """Return the allowed status that fits best to the state of each of m points, shape (m,).
+
+    Args:
+        problem: reduced problem, scaled by `ReducedProblem.scaled`.
+        kinds: allowed kinds of cells (`check_proof.Cells`) of each point.
+        a: displacements, shape (m, 3).
+        r: forces, shape (m, 3).
+    """
     codes = np.zeros(problem.points, dtype=np.int8)
     for i, allowed in enumerate(kinds):
         ut, rt = float(np.hypot(*a[i, :2])), float(np.hypot(*r[i, :2]))
@@ -141,7 +169,15 @@ def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
 def _given_code(
     problem: ReducedProblem, i: int, allowed: frozenset[int], push: float, sticks: bool
 ) -> int:
-    """Return the status of a point without Coulomb friction."""
+    """Return the status of point ``i``, which has no Coulomb friction.
+
+    Args:
+        problem: reduced problem.
+        i: index of the point.
+        allowed: allowed kinds of cells (`check_proof.Cells`).
+        push: value that is positive if the point closes.
+        sticks: whether the point sticks if a friction bound is prescribed.
+    """
     closed = IN_CLOSED in allowed and (IN_OPEN not in allowed or push > 0)
     if problem.g[i] == 0:
         return 2 if closed else 0
@@ -151,20 +187,22 @@ def _given_code(
 def relaxed(
     problem: ReducedProblem, kinds: Kinds, codes: Codes, z: Array | None
 ) -> tuple[Codes, Array | None]:
-    """Search a region for a piece whose undecided points satisfy the law.
+    """Search for statuses in a region at which all undecided points satisfy the law.
 
-    The statuses of undecided points are updated as required by their displacements and forces until
-    they do not change. Decided points may violate the inequalities of the law.
+    Undecided points have cells of several kinds. Their statuses are updated as required by their
+    displacements and forces until they do not change. Decided points may violate the inequalities
+    of the law.
 
     Args:
-        problem: scaled problem.
-        kinds: kinds of the cells of each point.
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        kinds: kinds of the cells (`check_proof.Cells`) of each point.
         codes: initial statuses, shape (m,).
-        z: unknowns of the initial piece, shape (m, 3); None if it has no solution.
+        z: unknowns (`check_proof.SpacePiece`) for the initial statuses, shape (m, 3); None if there
+            is no solution.
 
     Returns:
-        Statuses, shape (m,), and unknowns, shape (m, 3); None instead of the unknowns if a piece
-        was not solved.
+        Statuses, shape (m,), and unknowns, shape (m, 3); None instead of the unknowns if the
+        equations were not solved.
     """
     seen: set[bytes] = set()
     for _ in range(_ROUNDS):
@@ -187,7 +225,11 @@ def relaxed(
 def _required(
     problem: ReducedProblem, i: int, kinds: frozenset[int], a: Array, r: Array, code: int
 ) -> int:
-    """Return the status of a point required by its displacements and forces."""
+    """Return the status required by the displacement ``a`` and the force ``r`` of a point.
+
+    ``i`` is the index of the point. Only the kinds of cells in ``kinds`` are allowed. ``code`` is
+    the present status.
+    """
     push = float(r[2] - a[2])
     pull = float(np.hypot(*(r[:2] - a[:2])))
     F = float(problem.friction[i])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for a proof in 2D by branch and bound on the statuses of the contact points.
 
-A region is a set of allowed statuses for every point. It is closed by the first of the following
-methods that succeeds:
+A region is a set of allowed statuses for every point. It is closed, i.e. needs no further steps, by
+the first of the following methods that succeeds:
 
-1. all its pieces are solved, if there are few;
+1. the equations are solved for every choice of one status per point, if these choices are few;
 2. it is proved to contain no solution other than a known one;
 3. linear programs (`relaxation.py`) prove that it is empty.
 
@@ -49,7 +49,7 @@ _NOTHING = 1e-7  # size of a bounded quantity that counts as zero
 
 
 class PlaneSearch(Search[StatusRegion]):
-    """Search for a proof in 2D, as described in the module."""
+    """Search for a proof in 2D by branch and bound on the statuses of the contact points."""
 
     def _begin(self, known: Iterable[Codes]) -> None:
         self._known = list(known)
@@ -89,9 +89,9 @@ class PlaneSearch(Search[StatusRegion]):
         return self._branch(node, scores, solution)
 
     def _pieces(self, region: StatusRegion) -> None:
-        """Close a region by solving all its pieces.
+        """Finish a region by solving the equations for every allowed choice of statuses.
 
-        Linear programs try to prove that singular pieces are empty.
+        If the equations are singular, a linear program tries to prove that they have no solution.
         """
         singular = []
         for choice in itertools.product(*region.choices):
@@ -107,20 +107,20 @@ class PlaneSearch(Search[StatusRegion]):
     def _any_only(
         self, region: StatusRegion, hint: Codes | None, effort: int
     ) -> tuple[bool, Array | None, float, Codes | None]:
-        """Try to close a region by proving that it contains at most one solution.
+        """Try to prove that a region contains at most one solution.
 
-        The proof compares all solutions with the solution of one piece. Up to two pieces are tried:
-        pieces of known solutions first, then pieces computed by Newton's method.
+        All solutions are compared with the solution for one status per point. Up to two such
+        choices are tried: known solutions first, then solutions computed by Newton's method.
 
         Args:
             region: region.
-            hint: statuses at which Newton's method starts, shape (m,), or None.
+            hint: statuses at which Newton's method starts, shape (m,) for m points, or None.
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed; contributions of the points to the failure, shape (m,), or
-            None; least eigenvalue of the weighted sum; statuses of the compared piece or the hint,
-            shape (m,).
+            Whether this is proved; contributions of the points to the failure, shape (m,), or None;
+            least eigenvalue of the weighted sum of inequalities; statuses of the solution used for
+            comparison, or the hint, shape (m,).
         """
         starts = [*self._known, *(q.codes for q in self.proved.inside)]
         starts = [c for c in starts if (region.allowed >> c & 1).all()]
@@ -157,11 +157,11 @@ class PlaneSearch(Search[StatusRegion]):
     def _probe(self, region: StatusRegion) -> bool:
         """Exclude statuses by linear programs that restrict one point to one status at a time.
 
-        The region is changed. The loop is repeated until no further status is excluded or the time
-        limit is reached.
+        All points are tested repeatedly until no further status is excluded or the time limit is
+        reached.
 
         Args:
-            region: region.
+            region: region, modified in place.
 
         Returns:
             Whether the region is proved empty.
@@ -203,7 +203,7 @@ class PlaneSearch(Search[StatusRegion]):
 
         Args:
             region: region, modified in place.
-            y: multipliers, shape (2 m,).
+            y: multipliers (`check_proof.Dual`), shape (2 m,) for m points.
 
         Returns:
             Whether the region is proved empty.
@@ -217,13 +217,13 @@ class PlaneSearch(Search[StatusRegion]):
 def _parts(mask: int, which: int) -> list[int]:
     """Divide the remaining statuses of a point for branching.
 
-    If more than two statuses remain, both open and closed, the open ones are separated from the
-    closed ones. Otherwise three statuses are divided into stick with one slip and the other slip,
-    and two statuses into single statuses.
+    If more than two statuses remain, both open and closed ones, the open ones are separated from
+    the closed ones. Otherwise three statuses are divided into two parts: stick with one slip, and
+    the other slip. Two statuses are divided into single statuses.
 
     Args:
         mask: remaining statuses as a bit mask.
-        which: slip (0 if ut > 0, 1 if ut < 0) that remains with stick.
+        which: slip that remains with stick: 0 for positive, 1 for negative tangential displacement.
 
     Returns:
         Bit masks of the parts.
@@ -240,7 +240,10 @@ def _parts(mask: int, which: int) -> list[int]:
 
 
 def _order(region: StatusRegion) -> Ints:
-    """Return the undecided points: the middle one first, then those of both halves likewise."""
+    """Return the order in which undecided points are tested: the middle one first.
+
+    The points on both sides of it follow in the same order.
+    """
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
     spans = [(0, len(left))]
@@ -254,12 +257,12 @@ def _order(region: StatusRegion) -> Ints:
 
 
 def _see(relaxation: Relaxation, possible: Mask) -> None:
-    """Mark the statuses attained by the feasible point of a relaxation.
+    """Mark the statuses attained by the feasible point of a linear program.
 
-    The relaxation cannot exclude these statuses.
+    The program cannot exclude these statuses.
 
     Args:
-        relaxation: feasible linear program.
+        relaxation: feasible linear program for m contact points.
         possible: mask by point and status, to which the statuses are added, shape (m, 7).
     """
     positive = relaxation.point > _NOTHING

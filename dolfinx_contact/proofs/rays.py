@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Proof that all rays leaving a state with contact points at the apex are known.
 
-A *ray* is an outgoing direction (da, dr, dgamma). At the apex of its cone, a point has ut = un = 0
-and no force, and its tangent cone is the contact law itself. If all other points are strictly open
-(dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0), they satisfy dr.da = 0 and can
-be eliminated from S da - dr = dgamma q:
+A *ray* is an outgoing direction (da, dr, dgamma) of displacements a, forces r and parameter gamma.
+A point with zero tangential and normal displacement and no force is at the *apex*: its tangent cone
+is the contact law itself. All other points must be strictly open (dr = 0), stuck (da = 0) or
+pressed without friction (drt = dun = 0 for the tangential force and the normal displacement). They
+then satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q, where S is the stiffness
+matrix and q the derivative of the load:
 
     S' = S_kk - S_ke S_ee^{-1} S_ek,    q' = q_k - S_ke S_ee^{-1} q_e
 
@@ -18,10 +20,11 @@ nothing is proved.
 
 With an approximation Z of S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z,
 
-    S_ke S_ee^{-1} S_ek = S_ke Z + Z^T R + R^T S_ee^{-1} R,
+    S_ke S_ee^{-1} S_ek = S_ke Z + Z^T R + R^T S_ee^{-1} R.
 
-so that the error of S_kk - S_ke Z is at most |Z^T R| + |R_i| |R_j| / lambda for the least
-eigenvalue lambda of S_ee, and the error of q_k - Z^T q_e is at most |R_i| |q_e| / lambda.
+Therefore the error of the entry (i, j) of S_kk - S_ke Z is at most that of |Z^T R| plus
+|R_i| |R_j| / lambda, with the columns R_i of R and the least eigenvalue lambda of S_ee. The error
+of the entry i of q_k - Z^T q_e is at most |R_i| |q_e| / lambda.
 """
 
 from __future__ import annotations
@@ -43,11 +46,12 @@ __all__ = ["Apex", "ProvedRays", "apex_problem", "prove_rays"]
 
 @dataclass(frozen=True, eq=False)
 class ProvedRays:
-    """Rays leaving a state, and the result of the proof of completeness.
+    """Outgoing directions (rays) of a state, and the result of the proof of completeness.
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
-        rays: proved rays, each given by its statuses, shape (m,), and dgamma, 1 or -1.
+        rays: proved rays, each given by the statuses of the m points, shape (m,), and dgamma, 1 or
+            -1 for increasing or decreasing gamma.
         method: description of the proof, human-readable.
     """
 
@@ -58,11 +62,14 @@ class ProvedRays:
 
 @dataclass(frozen=True, eq=False)
 class Apex:
-    """Reduced problem of the points at their apex; all other points are eliminated.
+    """Reduced problem whose solutions are the outgoing rays of a state.
+
+    Its points have zero displacement and zero force in this state (they are at the *apex*); all
+    other points are eliminated.
 
     Attributes:
-        problem: reduced problem with the load q'.
-        points: indices of the points at the apex among all points, shape (k,).
+        problem: reduced problem; its load is the derivative of the load with respect to gamma.
+        points: indices of the k points at the apex among all m points, shape (k,).
         codes: statuses of all points, shape (m,); only the statuses of eliminated points are used.
     """
 
@@ -72,10 +79,11 @@ class Apex:
 
 
 def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem) -> Apex | str:
-    """Return the reduced problem of the rays, or the reason why it does not exist.
+    """Return the reduced problem of the outgoing rays, or the reason why it does not exist.
 
     Args:
-        whole: reduced problem of all points, with q as the load.
+        whole: reduced problem of all points, with the derivative of the load with respect to gamma
+            as the load.
         system: affine system of the contact points at the state.
         cone: tangent cone of the system at the state.
 
@@ -106,11 +114,12 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
 def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
-    """Return the reduced problem with the stiffness S', the load q', and their error bounds.
+    """Return the reduced problem after elimination of the free components, with error bounds.
 
     Args:
-        whole: reduced problem of all points, with q as the load.
-        k: indices of the components of points at the apex.
+        whole: reduced problem of all points, with the derivative of the load with respect to gamma
+            as the load.
+        k: indices of the components that remain, those of points at the apex.
         e: indices of the free components, which are eliminated.
         friction: friction coefficients of the points at the apex.
     """
@@ -140,12 +149,12 @@ def _reduced(S: Ball, q: Ball, friction: Array) -> ReducedProblem:
 def prove_rays(
     apex: Apex, known: Sequence[tuple[Codes, float]], *, proof_seconds: float
 ) -> ProvedRays:
-    """Find all rays and prove completeness.
+    """Find all outgoing rays of a state and prove completeness.
 
     Args:
-        apex: reduced problem of the points at their apex.
-        known: known rays, each given by its statuses, shape (m,), and dgamma; they shorten the
-            search.
+        apex: reduced problem of the rays.
+        known: known rays, each given by the statuses of all m points, shape (m,), and dgamma, 1 or
+            -1; they shorten the search.
         proof_seconds: time limit for each sign of dgamma.
     """
     given = apex.problem

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Linear programs that exclude statuses in the plane search.
+r"""Linear programs that exclude statuses in the search for a proof in 2D.
 
-The programs contain S a = r + p. At each point, six nonnegative quantities (`check_proof.bounded`)
-are limited by their bounds X. Two quantities x and y that are never both nonzero in an allowed
-status satisfy x / X + y / Y <= 1. The five quantities of a point with Coulomb friction exclude each
-other in a cycle and satisfy sum x / X <= 2. These inequalities describe the convex hull of the
-statuses and are added when they are violated.
+The programs contain the equilibrium equations. At each point, the six nonnegative quantities of
+`check_proof.bounded` are limited by their bounds. Two quantities x and y with the bounds X and Y
+that are never both nonzero in an allowed status satisfy x / X + y / Y <= 1. The five quantities of
+a point with Coulomb friction exclude each other in a cycle, so that the sum of their ratios to
+their bounds is at most 2. These inequalities describe the convex hull of the statuses and are added
+when they are violated.
 
 Forces are affine functions of displacements, so that the first tableau is known without solving
 equations. The dual simplex method (`tableau`) proceeds from one program to the next. If a program
-is infeasible, the multipliers y of the proving row are returned, and `check_proof.Dual` determines
-which statuses they exclude.
+is infeasible, the multipliers of the row that proves this are returned, and `check_proof.Dual`
+determines which statuses they exclude.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ _CYCLE = (0, 1, 2, 3, 4)
 class Relaxation(Tableau):
     """Linear relaxation of a region, whose tableau is reused from one linear program to the next.
 
-    At point i, the variable with the index k m + i is the quantity k (`check_proof.bounded`), and
-    the variable 6 m + i is rt, fixed at 0, if the point has no friction. The slacks of the hull
-    inequalities follow.
+    At point i of m points, the variable with the index k m + i is the quantity k of
+    `check_proof.bounded`. The variable 6 m + i is the tangential force, fixed at 0, if the point
+    has no friction. The slack variables of the inequalities of the convex hull follow.
 
     Args:
-        problem: scaled reduced problem.
-        allowed: allowed statuses as bit masks, shape (m,).
-        ub: upper bounds of the quantities (`check_proof.bounded`), shape (6, m).
+        problem: reduced problem, scaled by `ReducedProblem.scaled`.
+        allowed: allowed statuses of the points as bit masks, shape (m,).
+        ub: upper bounds of the quantities of `check_proof.bounded`, shape (6, m).
     """
 
     def __init__(self, problem: ReducedProblem, allowed: Masks, ub: Array):
@@ -81,7 +82,10 @@ class Relaxation(Tableau):
             self.hold(point, int(allowed[point]))
 
     def _conflicts(self, allowed: Masks) -> None:
-        """Collect the pairs of quantities that exclude each other, and the points with cycles."""
+        """Store the pairs of quantities (`check_proof.bounded`) that exclude each other.
+
+        The points with a cycle of such pairs are stored as well.
+        """
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
         self._pairs: list[tuple[int, int, Ints]] = []
@@ -98,7 +102,7 @@ class Relaxation(Tableau):
         self._cycles = np.flatnonzero(cycle)
 
     def hold(self, point: int, mask: int) -> None:
-        """Restrict a point to the statuses of a bit mask."""
+        """Restrict a point to the statuses in the bit mask ``mask``."""
         has = np.array([mask >> s & 1 > 0 for s in range(7)])
         uses = self._uses[point][has].any(axis=0)
         for slot in range(6):
@@ -108,9 +112,9 @@ class Relaxation(Tableau):
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def infeasible(self) -> Array | None:
-        """Return multipliers y that prove infeasibility, shape (2 m,).
+        """Return multipliers (`check_proof.Dual`) that prove infeasibility, shape (2 m,).
 
-        None if the program is feasible or this is undecided.
+        None if the program is feasible or this is undecided. m is the number of points.
         """
         for _ in range(60):
             identity = self._repair()
@@ -121,7 +125,13 @@ class Relaxation(Tableau):
         return None
 
     def _multipliers(self, v: Array) -> Array:
-        """Return the multipliers y of an identity of the variables, scaled to 1, shape (2 m,)."""
+        """Return the multipliers (`check_proof.Dual`) of a linear identity, shape (2 m,).
+
+        They are scaled to a maximum norm of 1.
+
+        Args:
+            v: coefficients of the identity between all variables; modified.
+        """
         m = self.m
         F = self.problem.friction
         for k, (members, parts) in enumerate(self._hull_terms):
@@ -136,9 +146,10 @@ class Relaxation(Tableau):
 
     @property
     def point(self) -> Array:
-        """Values of the bounded quantities at the present vertex, shape (6, m).
+        """Values of the quantities of `check_proof.bounded` at the present vertex, shape (6, m).
 
-        The value of rn is valid only at points without Coulomb friction.
+        The value of the normal force is valid only at points without Coulomb friction. m is the
+        number of points.
         """
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Branch and bound for proofs: traversal of the search tree in 2D and 3D.
 
-The search proposes steps, which the checker (`check_proof.follow`) accepts or rejects. `plane.py`
-and `space.py` implement closing and branching of regions. In regions left open, Newton's method
-searches for solutions; these are proved to exist, but others may exist as well.
+The search proposes steps of a proof, which the checker (`check_proof.follow`) accepts or rejects.
+`plane.py` and `space.py` implement the methods that close a region (finish its proof) or branch it.
+In regions left open, Newton's method searches for solutions; these are proved to exist, but others
+may exist as well.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ class SearchNode(Generic[R]):
     Attributes:
         region: remaining statuses or cells, with bounds of the solutions.
         depth: number of branchings above the node; by default 0.
-        hint: in 2D, statuses at which Newton's method starts, taken from the parent node, shape
-            (m,); by default None.
+        hint: in 2D, statuses of the m points at which Newton's method starts, taken from the parent
+            node, shape (m,); by default None.
     """
 
     region: R
@@ -69,7 +70,7 @@ class Search(Generic[R]):
     Attributes:
         certificate: proof with the accepted steps.
         proved: statements proved by these steps.
-        problem: scaled reduced problem.
+        problem: reduced problem scaled by `ReducedProblem.scaled`.
     """
 
     def __init__(
@@ -93,7 +94,8 @@ class Search(Generic[R]):
         """Search for all solutions.
 
         Args:
-            known: known solutions: statuses, shape (m,), in 2D, or states, shape (m, 6), in 3D.
+            known: known solutions: in 2D statuses of the m points, shape (m,); in 3D their
+                displacements and forces, shape (m, 6).
         """
         region: Any = whole_region(self.problem)
         if self.step(region, do="rest") is not None:
@@ -112,9 +114,13 @@ class Search(Generic[R]):
             self._look_in_open_regions()
 
     def step(self, region: Any, **step: Any) -> Sequence[Any] | None:
-        """Check a step, append it to the certificate and return the remaining parts of the region.
+        """Check a step of the proof, and return the remaining parts of the region.
 
-        None if the checker rejects the step.
+        An accepted step is appended to the certificate. None if the checker rejects the step.
+
+        Args:
+            region: region on which the step acts.
+            **step: items of the step.
         """
         try:
             parts = follow(self.certificate, step, region, self.proved)
@@ -131,12 +137,12 @@ class Search(Generic[R]):
 
         Args:
             region: region.
-            piece: solution of the piece.
+            piece: solution for one given status per point.
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed; and the weights, None if the conditions of the
-            inequalities are not provably satisfied.
+            Whether this is proved; and the weights of the inequalities. The weights are None if the
+            conditions of the inequalities are not provably satisfied.
         """
         items: dict[str, Any] = {"do": "only", "codes": piece.codes.tolist()}
         if isinstance(piece, SpacePiece):
@@ -158,11 +164,11 @@ class Search(Generic[R]):
 
         Args:
             region: region, modified in place.
-            y: multipliers, shape (dim m,).
+            y: multipliers of the equilibrium equations, shape (dim m,) for m points.
 
         Returns:
-            Mask of the excluded statuses, shape (m, 7), or cells, shape (k,); and whether the
-            region is proved empty.
+            Mask of the excluded statuses, shape (m, 7), or of the excluded ones of k cells, shape
+            (k,); and whether the region is proved empty.
         """
         excluded = region.excluded(y, MARGIN)
         if not excluded.any():
@@ -182,7 +188,11 @@ class Search(Generic[R]):
         raise NotImplementedError
 
     def _treat(self, node: SearchNode[R]) -> list[SearchNode[R]]:
-        """Close a region or branch it; return the resulting nodes."""
+        """Close the region of a node (finish its proof), or branch it.
+
+        Returns:
+            Nodes of the resulting regions; empty if the region is closed.
+        """
         raise NotImplementedError
 
     def _look_in_open_regions(self) -> None:

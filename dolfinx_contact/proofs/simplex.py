@@ -3,15 +3,15 @@ r"""Primal simplex method for linear programs with columns in groups.
 
     minimise c.x    with    A x = b,  x >= 0,
 
-where the variables of every group add up to 1. Excluded columns get a unit cost instead of an upper
-bound 0. Each program therefore starts from a feasible point, and an infeasible program ends with a
-positive cost and multipliers y that prove infeasibility. With v = y.A,
+where the variables of every group add up to 1. Instead of an upper bound 0, excluded columns get a
+unit cost. Each program therefore starts from a feasible point, and an infeasible program ends with
+a positive cost and multipliers y that prove infeasibility. With v = y.A,
 
     y.b - sum over groups of max v  >  0,
 
-with the maxima over the usable columns, is a sufficient condition, which usually holds long before
-the optimum is reached (`Simplex.solve`). The inverse of the basis is stored, and b is slightly
-perturbed to avoid degenerate steps. Nothing is proved here.
+with the maxima over the columns that are not excluded, is a sufficient condition, which usually
+holds long before the optimum is reached (`Simplex.solve`). The inverse of the basis is stored, and
+b is slightly perturbed to avoid degenerate steps. Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -32,12 +32,13 @@ _STALLED = 40  # pivots without improvement after which a bound is accepted
 
 
 class Simplex:
-    """Linear program with warm starts from the last basis.
+    """Linear program A x = b, x >= 0, with warm starts from the last basis.
 
     Args:
         A: matrix of the n constraints on k variables, shape (n, k).
         b: right-hand side, shape (n,).
-        groups: index of the first column of each group, in increasing order.
+        groups: index of the first column of each group of variables that add up to 1, in increasing
+            order.
     """
 
     def __init__(self, A: Array, b: Array, groups: Ints):
@@ -56,10 +57,12 @@ class Simplex:
         self.count = 0
 
     def solve(self, usable: Mask) -> Array | None:
-        """Return multipliers y that prove infeasibility, shape (n,); None if feasible.
+        """Return multipliers of the n constraints that prove infeasibility, shape (n,).
+
+        None if the program is feasible.
 
         Args:
-            usable: mask of the usable columns, shape (k,).
+            usable: mask of the columns that are not excluded, shape (k,).
         """
         self.count += 1
         cost = np.ones(self._A.shape[1])
@@ -76,13 +79,13 @@ class Simplex:
         return None
 
     def least(self, cost: Array, usable: Mask) -> Array | None:
-        """Return multipliers of a nearly optimal lower bound of the cost, shape (n,).
+        """Minimise a cost, and return the multipliers of a nearly optimal lower bound.
 
-        None if the program is infeasible.
+        They have the shape (n,) for n constraints. None if the program is infeasible.
 
         Args:
-            cost: cost of the columns, shape (k,).
-            usable: mask of the usable columns, shape (k,).
+            cost: cost of the k columns, shape (k,).
+            usable: mask of the columns that are not excluded, shape (k,).
         """
         if self.solve(usable) is not None:
             return None
@@ -104,13 +107,19 @@ class Simplex:
 
     @property
     def point(self) -> Array:
-        """Solution x of the last program, shape (k,)."""
+        """Values of the k variables at the end of the last program, shape (k,)."""
         x = np.zeros(self._A.shape[1])
         x[self._basis] = self._x
         return np.maximum(x[: self._columns], 0.0)
 
     def _bound(self, y: Array, v: Array, usable: Mask) -> float:
-        """Return a lower bound of the cost by weak duality."""
+        """Return a lower bound of the minimal cost by weak duality.
+
+        Args:
+            y: multipliers of the constraints.
+            v: multipliers times the columns, minus the cost of the columns if they have one.
+            usable: mask of the columns that are not excluded.
+        """
         best = np.maximum.reduceat(np.where(usable, v, -np.inf), self._groups)
         return float(y @ self._b - best.sum())
 

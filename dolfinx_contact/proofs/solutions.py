@@ -38,8 +38,9 @@ class ProvedSolution:
     """Solution with error bounds.
 
     Attributes:
-        codes: statuses, shape (m,).
-        state: displacements and forces (ut, un, rt, rn) of the points, shape (m, 2 dim).
+        codes: statuses of the m contact points, shape (m,).
+        state: displacements and forces (ut, un, rt, rn) of the points, tangential and normal, shape
+            (m, 2 dim).
         away: error bounds of the state, shape (m, 2 dim).
     """
 
@@ -54,13 +55,15 @@ class ProvedSolutions:
 
     Attributes:
         verdict: ``"complete"``: ``solutions`` are all solutions. ``"degenerate"``: other solutions
-            are possible only at the states ``border`` (within their error bounds) and in the pieces
-            ``singular``, which may contain continua. ``"open"``: further solutions, in 3D also
-            continua, may exist in ``open_regions``.
+            are possible only at the states ``border`` (within their error bounds) and with the
+            statuses ``singular``, where they may be continua. ``"open"``: further solutions, in 3D
+            also continua, may exist in ``open_regions``.
         solutions: proved solutions. Solutions that Newton's method finds in open regions after the
             time limit are included, but are not part of the certificate.
-        border: states at borders of pieces, which may or may not be solutions.
-        singular: statuses of pieces containing one solution, none or a continuum.
+        border: states that satisfy an inequality of the law only within their error bounds; each
+            may or may not be a solution.
+        singular: choices of one status per point, shape (m,) each for m points, with one solution,
+            none or a continuum.
         open_regions: undecided sets of statuses as bit masks, shape (m,); in 3D undecided cells
             with the reason.
         certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).
@@ -103,16 +106,16 @@ def prove_solutions(
     """Find all solutions of a reduced problem and prove completeness.
 
     Args:
-        reduced: reduced problem with error bounds.
-        known: known solutions, which shorten the search: statuses, shape (m,), in 2D, or states,
-            shape (m, 6), in 3D; by default none.
+        reduced: reduced problem of m contact points, with error bounds.
+        known: known solutions, which shorten the search; by default none. In 2D each consists of
+            the statuses, shape (m,), in 3D of the displacements and forces, shape (m, 6).
         proof_seconds: time limit in seconds, by default 60. Remaining regions are left open and
             searched by Newton's method, which may take a few more seconds.
         progress: whether to show the progress on the standard error stream; by default if the
             search takes more than a few seconds.
 
     Raises:
-        ValueError: if the shapes of statuses or states do not match the number of points.
+        ValueError: if the shape of a known solution does not match the number of points.
     """
     instance(reduced, "the reduced problem", ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):
@@ -137,7 +140,10 @@ def prove_solutions(
 
 
 def _checked(problem: ReducedProblem, known: Iterable[Codes | Array]) -> list[Any]:
-    """Return the known solutions as validated arrays: statuses in 2D, states in 3D."""
+    """Return the known solutions as validated arrays.
+
+    These are statuses in 2D, and displacements and forces in 3D.
+    """
     if problem.dim == 3:
         states = [np.asarray(state, dtype=np.float64) for state in known]
         if any(s.shape != (problem.points, 6) or not np.isfinite(s).all() for s in states):

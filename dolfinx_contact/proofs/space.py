@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for a proof in 3D by branch and bound on cells of the contact points.
 
-A region is closed by the first of the following methods that succeeds:
+A cell (`check_proof.Cells`) restricts the status and the slip direction of a point. A region
+consists of the remaining cells of all points. It is closed, i.e. needs no further steps, by the
+first of the following methods that succeeds:
 
 1. quadratic inequalities (`weights.py`) prove that it contains at most one solution;
 2. linear programs (`hull.py`) prove that it is empty; they also bound the quantities of the points;
 3. an interval matrix proves that it contains at most one solution, if the cells of every point have
    a single kind.
 
-Arcs are halved at points with few remaining arcs. Otherwise the region is branched at the point
-where the solution of the linear program violates the law most. Regions left open have a reason.
+Slip cells are arcs of directions. Arcs are halved at points with few remaining arcs. Otherwise the
+region is branched at the point where the solution of the linear program violates the law most. For
+regions left open, the reason is stored.
 """
 
 from __future__ import annotations
@@ -73,7 +76,7 @@ _NARROW_WORDS = "arcs are too narrow: a continuum or a border may be there"
 
 
 class SpaceSearch(Search[SpaceRegion]):
-    """Search for a proof in 3D, as described in the module."""
+    """Search for a proof in 3D by branch and bound on cells of the contact points."""
 
     def _begin(self, known: Iterable[Array]) -> None:
         length, force = self.certificate.problem.units
@@ -142,13 +145,15 @@ class SpaceSearch(Search[SpaceRegion]):
     # -- leaves -----------------------------------------------------------------------------------
 
     def _any_only(self, region: SpaceRegion, point: State | None, effort: int) -> bool:
-        """Try to close a region by quadratic inequalities; return whether it is closed.
+        """Try to prove by quadratic inequalities that a region has at most one solution.
 
-        They compare all solutions with the solution of a piece; up to two pieces are tried.
+        Return whether this is proved. All solutions are compared with the solution for one status
+        per point. Up to two such choices are tried.
 
         Args:
-            region: region.
-            point: displacements and forces from which a piece is computed, shape (m, 3) each.
+            region: region with m points.
+            point: displacements and forces from which statuses are derived, shape (m, 3) each; None
+                for known solutions only.
             effort: iterations of each search for weights.
         """
         for number, piece in enumerate(self._candidates(region, point)):
@@ -159,7 +164,11 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _candidates(self, region: SpaceRegion, point: State | None) -> Iterator[SpacePiece | None]:
-        """Yield pieces of known solutions, then a piece found by Newton's method from a state."""
+        """Yield known solutions in a region, then one found by Newton's method.
+
+        Newton's method starts from the displacements and forces ``point``. None is yielded if no
+        solution is proved to exist.
+        """
         kinds = region.kinds
         seen = set()
         for a, r in self._known:
@@ -180,9 +189,10 @@ class SpaceSearch(Search[SpaceRegion]):
             yield None if z is None else solve_in_space(self.problem, codes, z)
 
     def _leaf(self, region: SpaceRegion, point: State) -> bool:
-        """Try to close a region by an interval matrix; return whether it is closed.
+        """Try to prove by an interval matrix that a region has at most one solution.
 
-        This is possible only if every point has cells of one kind.
+        Return whether this is proved. It is possible only if all cells of each point have one kind.
+        The compared solution is computed from the displacements and forces ``point``.
         """
         kinds = region.kinds
         if any(len(allowed) > 1 for allowed in kinds) or (self.problem.g > 0).any():
@@ -215,7 +225,10 @@ class SpaceSearch(Search[SpaceRegion]):
                 return None
 
     def _exclude_cells(self, region: SpaceRegion, hull: Hull) -> bool:
-        """Try to exclude each cell of undecided points; return whether the region is empty now."""
+        """Try to exclude each cell of points with several cells by a linear program.
+
+        Return whether the region is proved empty.
+        """
         cells, alive = hull.cells, hull.alive
         for k in np.argsort(-cells.kind, kind="stable"):
             if not alive[k] or (alive & (cells.node == cells.node[k])).sum() == 1:
@@ -235,10 +248,17 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _lower_bounds(self, region: SpaceRegion, hull: Hull, *, all_points: bool) -> float:
-        """Lower the bounds of quantities by linear programs.
+        """Lower the bounds of the quantities of `check_proof.bounded_in_space` by linear programs.
+
+        Args:
+            region: region, modified in place.
+            hull: linear program of the region.
+            all_points: whether all points are treated; otherwise only points with cells of one
+                kind.
 
         Returns:
-            Sum of the logarithms of the ratios of old to new bounds.
+            Sum of the logarithms of the ratios of old to new upper bounds, as a measure of the
+            gain.
         """
         gained = 0.0
         for i, kinds in enumerate(region.kinds):
@@ -276,7 +296,7 @@ class SpaceSearch(Search[SpaceRegion]):
     # -- arcs and branches ------------------------------------------------------------------------
 
     def _halve(self, region: SpaceRegion) -> bool:
-        """Halve the arcs of points with few arcs; return whether any were halved."""
+        """Halve the slip arcs of points with few arcs; return whether any were halved."""
         done = False
         for i in range(self.problem.points):
             cells = region.cells
@@ -311,7 +331,11 @@ class SpaceSearch(Search[SpaceRegion]):
 def _quantities(
     region: SpaceRegion, i: int, kinds: frozenset[int]
 ) -> list[tuple[int, tuple[int, ...]]]:
-    """Return pairs of a quantity to be bounded at a point and the kinds of cells that have it."""
+    """Return the quantities to be bounded at point ``i``, with the kinds of their cells.
+
+    The quantities are indices into those of `check_proof.bounded_in_space`; ``kinds`` are the kinds
+    of the cells of the point.
+    """
     wanted: list[tuple[int, tuple[int, ...]]] = []
     coulomb = region.problem.friction[i] > 0
     if IN_OPEN in kinds or not coulomb:
@@ -330,7 +354,7 @@ def _quantities(
 
 
 def _kind(code: int, friction: float) -> int:
-    """Return the kind of the cell containing a status."""
+    """Return the kind of the cell (`check_proof.Cells`) that contains a status."""
     if friction == 0:
         return IN_OPEN if IS_OPEN[code] else IN_CLOSED
     return {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}[code]
@@ -339,7 +363,8 @@ def _kind(code: int, friction: float) -> int:
 def _measure(region: SpaceRegion) -> float:
     """Return the logarithm of the size of a region.
 
-    The size is the product, over the points, of the summed sizes of their cells.
+    The size is the product over all points of the number of their cells, where a slip cell counts
+    0.3 plus the width of its arc in diamond angles.
     """
     cells = region.cells
     sizes = np.where(cells.kind == IN_SLIP, 0.3 + cells.ends[:, 1] - cells.ends[:, 0], 1.0)
@@ -347,9 +372,10 @@ def _measure(region: SpaceRegion) -> float:
 
 
 def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> float:
-    """Return the slip angle of a point in the state (a, r), if it lies in the hull of its arcs.
+    """Return the slip angle of point ``i``, if it lies in the hull of the arcs of the point.
 
-    Otherwise return the middle of the hull. ``angle`` is used where the state defines no direction.
+    Otherwise return the middle of the hull. The angle is derived from the displacements ``a`` and
+    the forces ``r``; ``angle`` is used if these define no direction.
     """
     hull = region.cells.hull(i)
     assert hull is not None
@@ -364,7 +390,11 @@ def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> fl
 
 
 def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array) -> Array:
-    """Return the violation of the law at each point, -1 if it cannot be branched, shape (m,)."""
+    """Return a measure of the violation of the contact law at each of m points, shape (m,).
+
+    It is computed from the displacements ``a`` and the forces ``r``. The value is -1 at points that
+    cannot be branched.
+    """
     cells = region.cells
     F = problem.friction
     slid = np.hypot(a[:, 0], a[:, 1])
@@ -380,7 +410,10 @@ def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array
 
 
 def _parts(region: SpaceRegion, i: int) -> list[list[int]] | None:
-    """Divide the cells of a point for branching; None if its single arc must be halved first."""
+    """Divide the cells of point ``i`` into lists of indices, for branching.
+
+    None if its only cell is an arc, which must be halved first.
+    """
     cells = region.cells
     here = np.flatnonzero(cells.node == i)
     parts = [[int(k)] for k in here if cells.kind[k] != IN_SLIP]

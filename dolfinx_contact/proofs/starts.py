@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Solutions of a reduced problem in 3D by Newton's method from many starts simultaneously.
 
-A damped semismooth Newton method solves r = P(r - rho a) with a = S^-1 (r + p), where P is the
-projection onto the admissible forces (`laws.coulomb`; Alart and Curnier, CMAME 92, 1991). Nothing
-is proved here.
+With the displacements a = S^-1 (r + p), a damped semismooth Newton method solves r = P(r - rho a)
+for the forces r. S is the stiffness matrix, p the load, rho a factor from displacements to forces,
+and P the projection onto the admissible forces (`laws.coulomb`; Alart and Curnier, CMAME 92, 1991).
+Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ _SAME = 1e-6
 
 
 class _Batch:
-    """Equations of Newton's method for k starts at once; each start is a vector of forces."""
+    """Equations of Newton's method for k starts at once; each start is a vector of forces.
+
+    The unknown forces r satisfy r = P(r - rho a) with the displacements a, a factor rho from
+    displacements to forces, and the projection P onto the admissible forces.
+    """
 
     def __init__(self, problem: ReducedProblem, rho: Array):
         self.problem = problem
@@ -42,7 +47,11 @@ class _Batch:
         self.bound = problem.g
 
     def pulled(self, r: Array, rho: Array) -> Array:
-        """Return r - rho a for each start and point, shape (k, m, 3)."""
+        """Return the argument r - rho a of the projection, shape (k, m, 3).
+
+        There are k starts and m points; r are the forces, a the corresponding displacements, and
+        rho the factor of each start.
+        """
         a = (r + self.problem.p) @ self.inverse.T
         return (r - rho[:, None] * a).reshape(len(r), -1, 3)
 
@@ -51,16 +60,20 @@ class _Batch:
         return z.reshape(-1, 3), np.tile(self.friction, k), np.tile(self.bound, k)
 
     def residual(self, r: Array, rho: Array) -> Array:
-        """Return the residual r - P(r - rho a) of each start, shape (k, 3 m)."""
+        """Return the residual r - P(r - rho a) of k starts, shape (k, 3 m) for m points.
+
+        r are the forces, a the corresponding displacements, rho the factor of each start, and P the
+        projection onto the admissible forces.
+        """
         z = self.pulled(r, rho)
         return r - coulomb.allowed(*self._flat(z)).reshape(r.shape)
 
     def steps(self, r: Array, rho: Array, left: Array) -> Array:
-        """Return the Newton step of each start, shape (k, 3 m).
+        """Return the Newton steps of k starts, shape (k, 3 m) for m points.
 
         Args:
             r: forces, shape (k, 3 m).
-            rho: factor from displacements to forces.
+            rho: factor from displacements to forces of each start, shape (k,).
             left: residuals, shape (k, 3 m).
         """
         k, n = r.shape
@@ -75,7 +88,7 @@ class _Batch:
 
 
 def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
-    """Iterate from forces r; return the final forces and a mask of the converged starts."""
+    """Iterate from the forces ``r``; return the final forces and a mask of the converged starts."""
     r = r.copy()
     small = _RESIDUAL * (1 + float(np.abs(batch.problem.p).max()))
     live = np.arange(len(r))
@@ -104,9 +117,10 @@ def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
 
 
 def _random_forces(problem: ReducedProblem, number: int, random: np.random.Generator) -> Array:
-    """Return random initial forces, shape (number, 3 m).
+    """Return random initial forces, shape (number, 3 m) for m points.
 
-    Points are open, stick or slip. The shears of a start have random directions, or a common one.
+    Points are open, stick or slip. The tangential forces of a start have random directions, or one
+    direction for all points.
     """
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
@@ -126,9 +140,9 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
 def forces_within(
     problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
 ) -> Array:
-    """Return random forces, each within the cells of one region, shape (number, 3 m).
+    """Return random forces of m points in several regions in turn, shape (number, 3 m).
 
-    The regions take turns.
+    The forces of a start lie within the cells of one region.
     """
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
@@ -152,7 +166,7 @@ def forces_within(
 
 
 def _drawn(cells: Cells, random: np.random.Generator) -> Ints:
-    """Draw the index of one cell for every point, shape (m,).
+    """Draw one cell for each of m points at random, and return the indices, shape (m,).
 
     All kinds of cells at a point are equally likely.
     """
@@ -169,13 +183,16 @@ def many_solutions(
     random: np.random.Generator,
     regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
-    """Return distinct solutions: displacements and forces of each, shape (m, 3).
+    """Return distinct solutions: the displacements and the forces of each.
+
+    Both have the shape (m, 3) for m points.
 
     Args:
-        problem: scaled problem.
+        problem: reduced problem, scaled by `ReducedProblem.scaled`.
         number: number of starts.
         random: generator of the starts.
-        regions: regions that take turns in providing the starts; by default no restriction.
+        regions: regions, given by their cells, that take turns in providing the starts; by default
+            no restriction.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:
@@ -196,7 +213,13 @@ def many_solutions(
 
 
 def _violation(problem: ReducedProblem, a: Array, r: Array) -> float:
-    """Return the size of the violation of the contact laws by a state (a, r)."""
+    """Return the largest violation of the contact law.
+
+    Args:
+        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
+        a: displacements, shape (m, 3).
+        r: forces, shape (m, 3).
+    """
     size = np.hypot(a[:, 0], a[:, 1])
     limit = problem.friction * r[:, 2] + problem.g
     along = np.where(size > 1e-9, 1.0, 0.0) / np.maximum(size, 1e-300)

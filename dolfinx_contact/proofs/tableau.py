@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Dual simplex method for bounded variables with a persistent tableau.
 
-All variables satisfy 0 <= x <= up. Basic variables are affine functions of the nonbasic variables,
-x_B = T x_N + start. Successive programs differ in a few bounds. The objective is random, which
-prevents cycling. If a program is infeasible, a row of the tableau proves it.
+All variables lie between 0 and an upper bound. Basic variables are affine functions of the nonbasic
+variables, x_B = T x_N + start, with the matrix T of the tableau. Successive programs differ in a
+few bounds. The objective is random, which prevents cycling. If a program is infeasible, a row of
+the tableau proves it.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ _PIVOT = 1e-9
 class Tableau:
     """Tableau of a linear program: basic variables, their rows, and the values of all variables.
 
+    The basic variables are T x + start with the nonbasic variables x.
+
     Args:
-        rows: matrix T, shape (k, n).
+        rows: matrix T of k basic and n nonbasic variables, shape (k, n).
         start: values of the basic variables if all nonbasic variables vanish, shape (k,).
         basic: indices of the basic variables, shape (k,).
         free: number n of the nonbasic variables, which have the indices 0 to n - 1.
@@ -33,7 +36,7 @@ class Tableau:
             default 0.
 
     Attributes:
-        lost: whether the last program ended without an answer, at the limit of iterations.
+        lost: whether the last program ended undecided, at the limit of iterations.
     """
 
     def __init__(
@@ -63,9 +66,9 @@ class Tableau:
         return x
 
     def _identity(self, r: int, sign: float) -> Array:
-        """Return ``sign`` times the coefficients of the identity that row ``r`` states.
+        """Return the coefficients of the linear identity between all variables in row ``r``.
 
-        The identity is a linear combination of all variables.
+        They are multiplied by ``sign``.
         """
         v = np.zeros(len(self._up))
         v[self._nonbasic] = -sign * self._T[r]
@@ -85,9 +88,9 @@ class Tableau:
         """Pivot until all variables satisfy their bounds.
 
         Returns:
-            None if the program is feasible or the iterations ended without an answer (`lost`).
-            Otherwise the coefficients of an identity between all variables that cannot hold within
-            their bounds, which proves infeasibility.
+            None if the program is feasible, or if it is undecided at the limit of iterations
+            (`lost`). Otherwise the coefficients of an identity between all variables that cannot
+            hold within their bounds, which proves infeasibility.
         """
         self.lost = False
         for _ in range(40 + 4 * self._T.shape[1]):
@@ -115,10 +118,15 @@ class Tableau:
         return None
 
     def _entering(self, row: Array, gain: Array, off: float) -> int:
-        """Return the entering variable of the bound-flipping ratio test.
+        """Return the nonbasic variable that enters the basis, by the bound-flipping ratio test.
 
         Variables that precede it in the test, and whose ranges cannot repair the row, flip to their
         opposite bounds.
+
+        Args:
+            row: coefficients of the violated row.
+            gain: largest reduction of the violation by each nonbasic variable.
+            off: violation of the row.
         """
         free = np.flatnonzero(gain > 0)
         order = free[np.argsort(np.abs(self._costs[free]) / np.abs(row[free]))]

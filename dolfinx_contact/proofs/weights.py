@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Weights for which a weighted sum of quadratic inequalities is positive definite.
 
-After elimination of the vanishing rows and scaling to a unit diagonal, the smallest eigenvalue of
-the weighted sum is maximised over the logarithms of the weights, in 2D also over theta. The
-objective is the soft minimum -tau log sum exp(-lambda / tau) of the eigenvalues, which is
-differentiable. Nothing is proved here; `check_proof.Differences` and `check_proof.SpaceDifferences`
-verify the weights.
+The inequalities compare two solutions (`check_proof.Differences` in 2D,
+`check_proof.SpaceDifferences` in 3D). After elimination of the vanishing rows and scaling to a unit
+diagonal, the smallest eigenvalue of the weighted sum is maximised over the logarithms of the
+weights. In 2D the parameters theta are varied as well, by which a second row is added to each row.
+The objective is the soft minimum -tau log sum exp(-lambda / tau) of the eigenvalues lambda, with a
+positive parameter tau, which is differentiable. Nothing is proved here; the checker verifies the
+weights.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ _FIRST |= {"A": (-4, True), "Q": (-4, True)}
 
 
 class _Stop(Exception):
-    """Signal that the search has succeeded or the time limit is reached."""
+    """Exception that ends a search for weights: it has succeeded, or the time limit is reached."""
 
 
 def maximise(
@@ -50,20 +52,23 @@ def maximise(
     enough: float,
     until: float = np.inf,
 ) -> tuple[float, Array, Array]:
-    """Maximise the smallest eigenvalue by L-BFGS-B on the soft minimum.
+    """Maximise the smallest eigenvalue by L-BFGS-B on the soft minimum of all eigenvalues.
+
+    The soft minimum -tau log sum exp(-lambda / tau) approaches the smallest eigenvalue lambda for a
+    small parameter tau.
 
     Args:
         eigenvalues: function of the variables (`Eigenvalues`).
-        x: initial variables, shape (k,).
+        x: initial values of the k variables, shape (k,).
         limits: lower and upper bounds of the variables.
         stages: tau of each stage, and the smallest eigenvalue below which later stages are skipped.
         effort: largest number of iterations of each stage.
-        enough: smallest eigenvalue at which the search ends.
+        enough: smallest eigenvalue above which the search ends.
         until: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Largest value of the smallest eigenvalue that was found; its variables, shape (k,); and its
-        eigenvector, shape (n,).
+        Largest value found of the smallest eigenvalue; the corresponding variables, shape (k,); and
+        the eigenvector, shape (n,) for n eigenvalues.
     """
     best: tuple[float, Array, Array] = (-np.inf, x, np.zeros(0))
 
@@ -95,12 +100,13 @@ def maximise(
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Result of a search for weights.
+    """Result of a search for weights of quadratic inequalities.
 
     Attributes:
-        proof: weights, theta (in 2D) and mu of a step ``only`` of a proof; None if none was found.
-        least: smallest eigenvalue of the scaled sum.
-        bad: contribution of each point to the eigenvector of `least`, only in 2D, shape (m,).
+        proof: items of an ``only`` step of a proof: the weights, theta (in 2D), and the weight mu
+            of the equations; None if no such weights were found.
+        least: smallest eigenvalue of the scaled weighted sum.
+        bad: in 2D, contribution of each of the m points to the eigenvector of `least`, shape (m,).
     """
 
     proof: dict[str, Any] | None
@@ -111,10 +117,10 @@ class Weights:
 def find_weights(
     d: Differences | SpaceDifferences, *, effort: int, until: float = np.inf
 ) -> Weights:
-    """Search for weights that prove uniqueness.
+    """Search for weights of quadratic inequalities that prove uniqueness.
 
     Args:
-        d: quadratic inequalities for the difference of two solutions.
+        d: inequalities for the difference of two solutions.
         effort: largest number of iterations of each of three stages.
         until: value of `time.monotonic` at which the search in 3D ends.
     """
@@ -168,6 +174,9 @@ def _in_plane(d: Differences, effort: int) -> Weights:
 class _PlaneForm:
     """Scaled quadratic form in 2D as a function of the logarithms of the weights and F theta.
 
+    F is the friction coefficient. A multiple theta of a row of ``B`` is added to the same row of
+    ``A``; the attributes of `Differences` explain the symbols.
+
     Args:
         A, B: rows and tilts (`Differences`) of the n free components, shape (n, n) each.
         k1, k2: coefficients of the squares (`Differences`), shape (n,) each.
@@ -198,7 +207,11 @@ class _PlaneForm:
         self.n = len(A)
 
     def eigenvalues(self, x: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        """Return the eigenvalues of the form at the variables x (`Eigenvalues`)."""
+        """Return eigenvalues, eigenvectors and a function for gradients (`Eigenvalues`).
+
+        Args:
+            x: logarithms of the weights, followed by the values of F theta.
+        """
         n, tilted = self.n, self.tilted
         alpha, omega = np.exp(x[:n]), x[n:]
         keeps = np.ones(n)
@@ -263,9 +276,11 @@ def _in_space(d: SpaceDifferences, effort: int, until: float) -> Weights:
 
 
 def _free_rows(d: SpaceDifferences) -> Array | None:
-    """Return the matrices (m, 6, n) that map the free components of d to (d, e) at each point.
+    """Return the matrices that map the free components of d to (d, e) at each point.
 
-    None if the block of S for the vanishing components is singular.
+    Here d is the difference of the displacements of two solutions, and e = S d with the stiffness
+    matrix S (`SpaceDifferences`). The shape is (m, 6, n) for m points and n free components. None
+    if the block of S for the eliminated components is singular.
     """
     gone = d.vanishing[d.unknown]
     rows = d.rows
@@ -283,8 +298,11 @@ def _free_rows(d: SpaceDifferences) -> Array | None:
 def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenvalues:
     """Return the scaled quadratic form in 3D as a function of the logarithms of the weights.
 
+    The form is a weighted sum of the quadratic forms of (d, e) in `SpaceDifferences`.
+
     Args:
-        rows: matrices that map the n free components of d to (d, e) at each point, shape (m, 6, n).
+        rows: matrices that map the n free components of d to (d, e) at each of m points, shape (m,
+            6, n).
         forms: quadratic forms of (d, e) at single points, shape (k, 6, 6).
         norms: norms by which the weights of the forms are divided, shape (k,).
         point: index of the point of each form, shape (k,).
