@@ -3,7 +3,7 @@
 
 A file is written under a hidden name and renamed after it has been flushed to disk. The journal
 stores the fingerprint of every file, which is a checksum of the names, sizes and CRCs of its
-arrays. A replaced file is therefore detected without reading its arrays; a damaged array is
+arrays. A replaced file is therefore detected without reading its arrays; a corrupt array is
 detected when it is read.
 """
 
@@ -27,11 +27,11 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, O
 
 
 class DamagedFile(ValueError):
-    """Error raised if a file of a record is missing, damaged or replaced."""
+    """Error raised if a file of a record is missing, corrupt or replaced."""
 
 
 def save(file: Path, arrays: Arrays) -> str:
-    """Write arrays to a file and return its fingerprint. On one rank.
+    """Write arrays to a file and return its fingerprint. Call it on one rank.
 
     Raises:
         OSError: with the path, if the file cannot be written; an existing file is left unchanged.
@@ -44,14 +44,14 @@ def save(file: Path, arrays: Arrays) -> str:
 
 
 def load(file: Path, recorded: str) -> Arrays:
-    """Read the arrays of a file. On one rank.
+    """Read the arrays of a file. Call it on one rank.
 
     Args:
         file: path of the file.
         recorded: fingerprint that is stored in the journal.
 
     Raises:
-        DamagedFile: if the file is missing or damaged, or has a different fingerprint.
+        DamagedFile: if the file is missing or corrupt, or has a different fingerprint.
     """
     check(file, recorded)
     try:
@@ -68,7 +68,14 @@ def load(file: Path, recorded: str) -> Arrays:
 
 
 def check(file: Path, recorded: str) -> None:
-    """Raise `DamagedFile` if a file is missing or has a different fingerprint. On one rank."""
+    """Raise `DamagedFile` if a file is missing or has a different fingerprint.
+
+    Call it on one rank.
+
+    Args:
+        file: path of the file.
+        recorded: fingerprint that is stored in the journal.
+    """
     if not file.is_file():
         raise DamagedFile(f"{file} is missing")
     try:

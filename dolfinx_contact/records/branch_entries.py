@@ -34,7 +34,7 @@ class BranchEntries:
         functionals: functions that evaluate the functionals, by name (`evaluators`); default: none.
 
     Attributes:
-        vectors: work vectors for the tangent ("tangent") and the unknowns ("x"), by name.
+        vectors: work vectors by name, "tangent" for the tangent and "x" for the unknowns.
     """
 
     def __init__(
@@ -48,13 +48,16 @@ class BranchEntries:
         self._layout = Layout(system)
 
     def split(self, point: BranchPoint) -> dict[str, PETSc.Vec]:
-        """Copy tangent and unknowns of a point to `vectors`; return these. Not collective."""
+        """Copy the tangent and the unknowns of a point to `vectors`, and return `vectors`.
+
+        Not collective.
+        """
         for name, y in (("tangent", point.tangent), ("x", point.y)):
             self.vectors[name].array[:] = y.array_r[: self._layout.local]
         return self.vectors
 
     def columns(self, point: BranchPoint) -> dict[str, Any]:
-        """Return the columns of the entry of a point; ``status`` has the letters of its piece."""
+        """Return the columns of the entry of a point; ``status`` has the letters of the piece."""
         return {
             "gamma": point.gamma,
             "step": point.step,
@@ -97,7 +100,7 @@ class BranchEntries:
             index: number of the point on its branch.
             point: point of a branch.
             special: special points between the previous point and this one.
-            x_scale: square of the length of the unknowns that counts as one unit step; 0 if it is
+            x_scale: square of the norm of the unknowns that counts as one unit step; 0 if it is
                 unknown.
         """
         values = {}
@@ -141,7 +144,10 @@ class BranchEntries:
         }
 
     def _changes(self, changes: Sequence[Change]) -> list[dict[str, Any]]:
-        """Return the changes of statuses, sorted by the coordinates of the points. Collective."""
+        """Return the journal items for changes of statuses at a special point. Collective.
+
+        They are sorted by the coordinates of the contact points.
+        """
         if not changes:
             return []
         # every rank knows the positions of its own points only

@@ -78,7 +78,7 @@ class BranchRecord(Record[Journal]):
             the existence of a record contradicts ``resume``. Later, during the continuation, if a
             point cannot be written: the record then ends with the previous point and can be
             resumed.
-        ValueError: on every rank, if the journal is damaged or belongs to another problem, or if
+        ValueError: on every rank, if the journal is corrupt or belongs to another problem, or if
             arguments differ between ranks. Nothing is written in this case.
 
     Example:
@@ -206,7 +206,15 @@ class BranchRecord(Record[Journal]):
             self._append({"type": "explored", **vars(ended)})
 
     def _write_point_fields(self, name: str, point: BranchPoint) -> dict[str, str]:
-        """Write a checkpoint of a point; return its items for the journal. Collective."""
+        """Write a checkpoint of a point. Collective.
+
+        Args:
+            name: name of the file.
+            point: point of a branch.
+
+        Returns:
+            Journal items with the name and the fingerprint of the file.
+        """
         arrays = self._states.of_vectors(self._entries.split(point))
         keys = self._write_arrays("checkpoint", name, arrays)
         self._entries.put(point)  # observers are called with the point in the problem
@@ -215,12 +223,13 @@ class BranchRecord(Record[Journal]):
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
-        """Return the last point of a branch that has a checkpoint, or None. Collective.
+        """Return the last point of a branch that has a checkpoint, and its step data.
 
-        A damaged checkpoint is skipped, with a warning in the log.
+        Collective. None if there is no checkpoint. A corrupt checkpoint is skipped, with a warning
+        in the log.
 
         Raises:
-            ValueError: on every rank, if all checkpoints are damaged.
+            ValueError: on every rank, if all checkpoints are corrupt.
         """
         known = self.journal.branches.get(branch)
         if known is None or not known.kept:
@@ -228,10 +237,16 @@ class BranchRecord(Record[Journal]):
         return self._last_undamaged(known.kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """Return a point with unknowns and tangent, and step data for continuation. Collective.
+        """Return a recorded point, and the step data for its continuation. Collective.
+
+        The point contains the unknowns and the tangent.
+
+        Args:
+            branch: number of the branch.
+            index: number of the point on the branch.
 
         Raises:
-            ValueError: on every rank, if the point has no checkpoint, or the checkpoint is damaged.
+            ValueError: on every rank, if the point has no checkpoint, or the checkpoint is corrupt.
         """
         p = self.journal.branches[branch].points[index]
         if p.checkpoint is None:
@@ -272,8 +287,8 @@ class BranchRecord(Record[Journal]):
             Part of the branch from the last checkpoint; the journal contains the whole branch.
 
         Raises:
-            ValueError: on every rank, if no point of the branch was recorded, or its checkpoints
-                are damaged.
+            ValueError: on every rank, if no point of the branch was recorded, or if all checkpoints
+                are corrupt.
         """
         if max_steps is not None:
             check_steps(None, max_steps)
@@ -319,10 +334,10 @@ class BranchRecord(Record[Journal]):
 
 
 def _size(node: Mapping[str, Any]) -> int:
-    """Return the number of rays of a node plus the number of rays followed by a branch."""
+    """Return the number of rays of a recorded node plus the number of rays already followed."""
     return len(node["rays"]) + sum(edge is not None for edge in node["edges"])
 
 
 def _name(branch: int, index: int) -> str:
-    """Return the name of the files of a point."""
+    """Return the name of the array files of a point of a branch."""
     return f"branch_{branch:04d}_point_{index:06d}"

@@ -40,9 +40,9 @@ _COLUMNS = ("branch", "index", "gamma", "step", "corrections", "tau", "norm", "s
 
 
 def leftmost(quantity: Quantity, surface: str | None = None) -> Functional:
-    """Create a functional: value of a quantity at the first contact point of a surface.
+    """Create a functional: value of a quantity at the leftmost contact point of a surface.
 
-    Contact points are sorted by coordinates, as in `ContactTable`.
+    This is the first point in the order of `ContactTable`: by x, then y, then z.
 
     Args:
         quantity: column of `ContactTable`: ``"un"``, ``"ut"``, ``"rn"`` or ``"rt"``.
@@ -55,7 +55,11 @@ def leftmost(quantity: Quantity, surface: str | None = None) -> Functional:
 
 
 def rightmost(quantity: Quantity, surface: str | None = None) -> Functional:
-    """Create a functional: value of a quantity at the last contact point; see `leftmost`."""
+    """Create a functional: value of a quantity at the rightmost contact point of a surface.
+
+    This is the last point in the order of `ContactTable`: by x, then y, then z. Arguments and
+    errors are as in `leftmost`.
+    """
     return _of_table(quantity, surface, lambda values, _: float(values[-1]))
 
 
@@ -76,7 +80,13 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> Function
 
 
 def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], float]) -> Functional:
-    """Create a functional: ``value`` of two arguments, column of a contact table and table."""
+    """Create a functional from a function of a contact table.
+
+    Args:
+        quantity: column of the table: "un", "ut", "rn" or "rt".
+        surface: name of the surface; None for the first surface of the problem.
+        value: function of this column and of the whole table that returns the functional.
+    """
     if quantity not in ("un", "ut", "rn", "rt"):
         raise ValueError(f"the quantity must be un, ut, rn or rt, got {quantity!r}")
 
@@ -118,7 +128,7 @@ def evaluators(
 
 
 def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
-    """Return the function, collective when called, that evaluates a functional."""
+    """Return a function that evaluates a functional; calling it is collective."""
     comm = problem.comm
 
     def value() -> float:

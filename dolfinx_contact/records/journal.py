@@ -20,14 +20,15 @@ files, `sum` and `surface_sum` the fingerprints of these files. The remaining co
 kind of the journal:
 
 - Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
-  `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
-  unknowns in units of steps), `functionals`, and step data for resumption.
-- Evolutions: `time`, `size`, `energies`, `data` (`manifest.values_of`), `row` (of the table of
-  `History.rows`), and `run`, the items of `evolution.run.RunState`.
+  `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (norm of the
+  unknowns, relative to the length that counts as one unit step), `functionals`, and step data for
+  resumption.
+- Evolutions: `time`, `size` (norm of the unknowns), `energies`, `data` (`manifest.values_of`),
+  `row` (of the table of `History.rows`), and `run`, the items of `evolution.run.RunState`.
 - Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
-at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
+at any time: an incomplete last line is ignored. Any other corrupt or missing line is an error.
 Reading a journal requires only the standard library and NumPy:
 
     journal = read_journal(folder)
@@ -83,11 +84,11 @@ _CRC = ', "crc": "'
 
 
 class _ArrayKind(NamedTuple):
-    """Location of one kind of array file; such files belong to points of a record.
+    """Kind of array files that belong to points of a record.
 
     Attributes:
-        folder: folder of the files.
-        checksum: name of the item of an entry that contains the fingerprint of the file.
+        folder: name of the folder of these files.
+        checksum: name of the journal item that contains the fingerprint of such a file.
     """
 
     folder: str
@@ -102,7 +103,13 @@ ARRAYS = {
 
 
 def array_file(folder: Path, kind: str, name: str) -> Path:
-    """Return the path of the "checkpoint" or "surface" file of a point."""
+    """Return the path of an array file of a point.
+
+    Args:
+        folder: folder of the record.
+        kind: "checkpoint" or "surface".
+        name: name of the file, without suffix.
+    """
     return folder / ARRAYS[kind].folder / f"{name}.npz"
 
 
@@ -144,7 +151,7 @@ def _plain(value: Any) -> Any:
 
 
 def reread(entry: Mapping[str, Any]) -> Entry:
-    """Return an entry in the form in which it is read from a journal."""
+    """Encode an entry and decode it again, as if it were read from a journal."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
@@ -152,7 +159,7 @@ def _decoded(line: bytes) -> Entry:
     """Decode a line of a journal and return its entry.
 
     Raises:
-        ValueError: if its CRC is wrong.
+        ValueError: if the checksum of the line is wrong.
     """
     body, mark, crc = line.decode().rpartition(_CRC)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
@@ -173,7 +180,7 @@ class RecordedRun(Ends):
         points: entries of the points, in order; in the first run, the first entry is the start.
         after: index of the recorded state from which a run starts; 0 for branches.
         ending: kind of reason why the branch or run ended; None if it has not ended.
-        reason: description of this reason, as a sentence.
+        reason: reason why the branch or run ended, as a sentence.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
@@ -256,7 +263,13 @@ class AnyJournal:
         raise NotImplementedError
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return `rows` as NumPy arrays by name; text and None have the dtype object."""
+        """Return the columns of the table `rows` as NumPy arrays by name.
+
+        Columns with text or None have the dtype object.
+
+        Args:
+            branch: number of the branch or run; default: all.
+        """
         return _columns(self.rows(branch))
 
     def to_pandas(self, branch: int | None = None) -> Any:
@@ -267,7 +280,8 @@ class AnyJournal:
         """Return the undeformed outer surface of the bodies. Not collective.
 
         Raises:
-            ValueError: if the record has no outer surface yet, or it is damaged.
+            ValueError: if the record has no outer surface yet, or if the file with the surface is
+                missing or corrupt.
         """
         if self.folder is None or not self.sessions:
             raise ValueError("the journal is in memory only or has no session, thus no surface")
@@ -282,8 +296,8 @@ class AnyJournal:
             branch: number of the branch; 0 for histories and paths.
 
         Raises:
-            ValueError: if the point does not exist, or its displacement is damaged or was not
-                recorded.
+            ValueError: if the point does not exist, if its displacement was not recorded, or if the
+                file with the displacement is missing or corrupt.
         """
         entries = self.entries(branch)
         if not 0 <= index < len(entries):
@@ -307,10 +321,10 @@ class AnyJournal:
                 check(array_file(self.folder, "surface", entry.surface), entry.surface_sum)
 
     def take(self, entry: Entry) -> None:
-        """Add the entry of the next line to the content.
+        """Add the next entry of a journal file to this journal.
 
         Raises:
-            ValueError: if the line is a header of another kind or format.
+            ValueError: if the entry is a header of another kind or format.
         """
         kind = entry.pop("type")
         self.lines = entry.pop("line")
@@ -333,7 +347,12 @@ class AnyJournal:
             raise ValueError(f"it is the journal of {header['of']}, not of {self.kind}")
 
     def _take(self, kind: str, entry: Entry) -> None:
-        """Add an entry of any type except header and session."""
+        """Add an entry that is neither a header nor a session.
+
+        Args:
+            kind: type of the entry, such as "point".
+            entry: entry without its type.
+        """
         number = entry.pop("branch")
         if kind == "begin":
             self.branches[number] = RecordedRun(entry.task, after=entry.after)
@@ -350,7 +369,7 @@ class AnyJournal:
             branch.end(Ending[entry.ending], entry.reason)
 
     def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
-        """Return pairs of branch number and point, for one branch or for all branches."""
+        """Return pairs of branch number and entry of a point, for one branch or all branches."""
         if branch is not None and not (is_number(branch) and branch in self.branches):
             raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
         numbers = sorted(self.branches) if branch is None else [branch]
@@ -363,7 +382,7 @@ class Explored(Ends):
 
     Attributes:
         ending: kind of reason why the exploration ended; None if it has not ended.
-        reason: description of this reason, as a sentence.
+        reason: reason why the exploration ended, as a sentence.
         complete: whether all rays of every node are known and have been followed.
     """
 
@@ -395,7 +414,7 @@ class Journal(AnyJournal):
 
     @property
     def is_diagram(self) -> bool:
-        """Whether the branches were recorded as edges of a diagram, which end at its nodes."""
+        """Whether the branches were recorded as edges that end at the nodes of a diagram."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
@@ -455,11 +474,11 @@ class Journal(AnyJournal):
     def special(self, branch: int | None = None) -> Any:
         """Return the special points as a pandas DataFrame.
 
-        The columns are ``branch``, ``index`` of the following point, ``kind``, ``smooth``,
-        ``gamma``, ``parity``, ``others`` (number of other rays), ``complete``, ``bracket`` (two
-        values of gamma between which the special point lies; None if it was located exactly), and
-        ``changes``, a list of dictionaries with the position ``x`` and the status ``before`` and
-        ``after``.
+        The columns, most of which are attributes of `continuation.SpecialPoint`, are ``branch``,
+        ``index`` of the following point, ``kind``, ``smooth``, ``gamma``, ``parity``, ``others``
+        (number of other rays), ``complete``, ``bracket`` (two values of gamma between which the
+        special point lies; None if it was located exactly), and ``changes``, a list of dictionaries
+        with the position ``x`` and the status ``before`` and ``after``.
         """
         rows = [
             {"branch": b, "index": p.index, **s} for b, p in self._points(branch) for s in p.special
@@ -507,7 +526,7 @@ class EvolutionJournal(AnyJournal):
     """Journal of the runs of an evolution.
 
     Attributes:
-        states: entries of the start and of every accepted step, in order.
+        states: entries of the start and of every accepted step of all runs, in order.
     """
 
     kind: ClassVar[str] = "an evolution"
@@ -524,7 +543,9 @@ class EvolutionJournal(AnyJournal):
         return self.states
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return `History.rows` with ``status``: one row for the start and one per step.
+        """Return the rows of the table `History.rows`, with ``status`` as an additional column.
+
+        There is one row for the start and one for each step.
 
         Args:
             branch: number of the run; default: all runs. The start is in the first run.
@@ -532,10 +553,11 @@ class EvolutionJournal(AnyJournal):
         return [p.row | {"status": p.status} for _, p in self._points(branch)]
 
     def loads(self) -> dict[str, Array]:
-        """Return the Constants that change during the runs: values at all states, by name.
+        """Return the values at all states of the Constants that change during the runs.
 
-        Constants are named as in messages, such as "point of HalfSpace of 'floor' y". Dirichlet
-        values are the columns ``support_0_ux``, ... of `rows`. On a path, `gammas` is the load.
+        The result is a dictionary whose keys describe the Constants. For vectors, the component is
+        appended, as in "point of HalfSpace of 'floor' y". Dirichlet values are the columns
+        ``support_0_ux``, ... of `rows`. On a path, the load parameter is in `PathJournal.gammas`.
         """
         first = self.states[0].data if self.states else {}
         numbers = [name for name, values in first.items() if isinstance(values, list)]
@@ -568,12 +590,12 @@ class PathJournal(EvolutionJournal):
 
     @property
     def folds(self) -> list[dict[str, Any]]:
-        """Rows of the points at which gamma turns back."""
+        """Rows of the table for the points at which the load parameter gamma turns back."""
         return [row for row in self.rows() if row["event"].endswith("fold")]
 
     @property
     def kinks(self) -> list[dict[str, Any]]:
-        """Rows of the points at which statuses change and gamma does not turn back."""
+        """Rows of the table for the points at which a status changes but gamma continues."""
         return [row for row in self.rows() if row["event"] == "kink"]
 
 
@@ -592,7 +614,7 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
         folder: folder of the record.
 
     Raises:
-        ValueError: if a line is damaged or missing, or the journal has another kind or format.
+        ValueError: if a line is corrupt or missing, or the journal has another kind or format.
     """
     *lines, rest = data.split(b"\n")
     journal = kind(length=len(data) - len(rest), torn=bool(rest), folder=folder)
@@ -615,7 +637,7 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
 
     Raises:
         OSError: if the folder does not contain a journal.
-        ValueError: if the journal is damaged or of an unknown kind.
+        ValueError: if the journal is corrupt or of an unknown kind.
     """
     data = (Path(folder) / FILE_NAME).read_bytes()
     try:

@@ -54,7 +54,7 @@ def run_name(comm: MPI.Comm) -> str:
 
 
 class JournalFile(Generic[J]):
-    """Journal file that is open for appending and locked against other runs. On one rank.
+    """Journal file, open for appending and locked against other runs. Use it on one rank.
 
     Args:
         folder: folder of the record.
@@ -71,7 +71,7 @@ class JournalFile(Generic[J]):
             line.
         BlockingIOError: if another run has the journal open; the message describes the other run.
         OSError: if the journal cannot be opened, with the path.
-        ValueError: if the journal is damaged or of another kind. The file is not changed.
+        ValueError: if the journal is corrupt or of another kind. The file is not changed.
     """
 
     def __init__(self, folder: Path, kind: type[J], *, resume: bool | str, run: str):

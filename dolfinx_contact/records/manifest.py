@@ -111,7 +111,7 @@ def manifest_of(
 
 
 def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the items of a surface in ``parts``, and the signatures of its obstacle and law."""
+    """Return the manifest items of a surface, and the signatures of its obstacle and law."""
     parts = {
         "the contact method": s.method,
         "the facets": _entities(s.domain, s.dim - 1, s.submesh.parent_facets),
@@ -172,10 +172,11 @@ def values_of(
 
 
 def memory_of(problem: ContactProblem) -> dict[str, Any]:
-    """Return the memory of a step for the section ``values``. Collective.
+    """Return the memory of the contact points for a manifest. Collective.
 
     Returns:
-        Dictionary with the same format as in `values_of`; empty under the static law.
+        Dictionary with the same format as in `values_of`: the memory at the start of the present
+        step, and the duration of the step; empty under the static law.
     """
     found: dict[str, Any] = {}
     no_length = _NO_LENGTH * problem.equations.body_size
@@ -198,7 +199,12 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Describe the first difference between two sections, with both values; "" if equal."""
+    """Describe the first difference between two sections of a manifest, with both values.
+
+    Returns:
+        Description; "" if the sections agree, or if they were written with different versions of
+        UFL, whose signatures cannot be compared.
+    """
     if recorded.get(_UFL) != now.get(_UFL):
         return ""  # signatures of the same form depend on the version of UFL
     for name in dict.fromkeys((*recorded, *now)):
@@ -227,7 +233,10 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether two values of a manifest agree: numbers to 1e-9, others exactly."""
+    """Return whether two values of a manifest agree.
+
+    Numbers agree if their relative difference is below 1e-9; other values must be equal.
+    """
     if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
         tolerance = _TOLERANCE * max(a["scale"], b["scale"])
         return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
@@ -243,7 +252,10 @@ def _is_constant(value: Any) -> bool:
 
 
 def _both(recorded: Any, now: Any) -> str:
-    """Return both values in brackets; "" if they are hashes, projections or too long."""
+    """Return the recorded and the present value of an item as text in parentheses.
+
+    The text is empty if the values are hashes or projections, or are too long.
+    """
     words = [", ".join(map(repr, v)) if _is_constant(v) else str(v) for v in (recorded, now)]
     hidden = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
     if hidden or max(map(len, words)) > _LONGEST:
@@ -255,7 +267,9 @@ def _both(recorded: Any, now: Any) -> str:
 
 
 def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) -> dict[str, Any]:
-    """Return two random projections of values at cells. Collective.
+    """Return two random projections of values at cells, and a scale for comparing them.
+
+    Collective.
 
     Args:
         domain: mesh of the cells.
@@ -316,7 +330,7 @@ def _entities(domain: mesh.Mesh, dim: int, entities: Indices) -> str:
 
 
 def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
-    """Return a hash of the cells or facets of the integrals of a form. Collective."""
+    """Return a hash of the cells or facets over which a form is integrated. Collective."""
     numbers = input_numbers(domain)
     owned_cells = domain.topology.index_map(domain.topology.dim).size_local
     texts = []
@@ -341,10 +355,10 @@ def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
 
 
 def _sliding(s: DiscreteSurface) -> list[Any]:
-    """Describe the kind of sliding of a surface. Collective.
+    """Describe the kind of sliding of a surface as a list. Collective.
 
-    The items are the search distance, planes of symmetry and the removed overlap; and for
-    self-contact the direction by which slave facets are selected.
+    It contains the kind; for self-contact the direction by which slave facets are selected; the
+    search distance, planes of symmetry and the removed overlap.
     """
     kind: list[Any] = ["along its obstacle" if s.displaced is not None else "small"]
     if s.slides:

@@ -2,11 +2,12 @@
 """Record of one contact problem in a folder: a locked journal and array files.
 
 A point or state is written to disk before the next one is computed: first its array files, then the
-line of the journal with their names. This line is the commit: a run may be killed at any moment and
-is resumed from the complete lines on any number of ranks. Points recorded after the last resumable
-point are recomputed, but not recorded again. Every point has its own files, because a process that
-is killed while writing to an HDF5 file may damage its previous content. `Record` is the base class
-of the records of branches (`branch_record`) and of histories, motions and paths (`steps_record`).
+line of the journal with the names of these files. The point is recorded as soon as this line is
+complete: a run may be killed at any moment and is resumed from the complete lines on any number of
+ranks. Points recorded after the last resumable point are recomputed, but not recorded again. Every
+point has its own files, because a process that is killed while writing to an HDF5 file may damage
+its previous content. `Record` is the base class of the records of branches (`branch_record`) and of
+histories, motions and paths (`steps_record`).
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class Record(Observer, ABC, Generic[J]):
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``.
-        ValueError: on every rank, if the journal is damaged or belongs to another kind or problem.
+        ValueError: on every rank, if the journal is corrupt or belongs to another kind or problem.
     """
 
     #: Noun for a branch or run, with its number.
@@ -217,18 +218,27 @@ class Record(Observer, ABC, Generic[J]):
         self._append({"type": "point", "branch": self._branch, **entry, **keys})
 
     def _write_end(self, ended: Ends, keys: Mapping[str, str] | None = None) -> None:
-        """Record the end of a branch or run, unless its last point contains it. Collective.
+        """Record the end of a branch or run, unless the last point contains it. Collective.
 
         Args:
             ended: branch or run with its `ending` and `reason`.
-            keys: items for a checkpoint of the last point; default: no checkpoint was written.
+            keys: journal items with the name and the fingerprint of a checkpoint of the last point;
+                default: no checkpoint was written.
         """
         if self.journal.branches[self._branch].ending is not ended.ending:
             ending = {"ending": ended.ending, "reason": ended.reason}
             self._append({"type": "end", "branch": self._branch, **ending, **(keys or {})})
 
     def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
-        """Write the present outer surface and return its items for the journal. Collective."""
+        """Write the present outer surface to an array file. Collective.
+
+        Args:
+            name: name of the file.
+            law: problem whose law (with its memory) is used to evaluate the contact tables.
+
+        Returns:
+            Journal items with the name and the fingerprint of the file.
+        """
         state = self._outside.state(law)
         arrays: Arrays = {}
         if state is not None:  # double precision where values are differences of coordinates
@@ -237,12 +247,12 @@ class Record(Observer, ABC, Generic[J]):
         return self._write_arrays("surface", name, arrays)
 
     def _write_arrays(self, kind: str, name: str, arrays: Arrays) -> dict[str, str]:
-        """Write arrays of a point and return their items for the journal. Collective.
+        """Write arrays of a point to a file. Collective.
 
         Args:
             kind: kind of the array file, a key of `journal.ARRAYS`.
-            name: name of the point.
-            arrays: arrays on rank 0.
+            name: name of the file, without suffix.
+            arrays: arrays by name, on rank 0.
 
         Raises:
             OSError: on every rank, with the path, if the arrays cannot be written; no partial file
@@ -267,7 +277,8 @@ class Record(Observer, ABC, Generic[J]):
         """Write a line of the journal and add it to the journal in memory. Collective.
 
         Raises:
-            OSError: on every rank, if the line cannot be written; its array files are removed.
+            OSError: on every rank, if the line cannot be written; the array files named in the line
+                are removed.
             ValueError: on every rank, if the record is closed.
         """
         self._require_open()
@@ -310,7 +321,7 @@ class Record(Observer, ABC, Generic[J]):
             Arrays at contact points, on every rank.
 
         Raises:
-            DamagedFile: on every rank, if the checkpoint is damaged or missing.
+            DamagedFile: on every rank, if the checkpoint is corrupt or missing.
         """
         arrays: Arrays = {}
         file = array_file(self.folder, "checkpoint", entry.checkpoint)
@@ -321,16 +332,16 @@ class Record(Observer, ABC, Generic[J]):
         return self.comm.bcast(at_points)
 
     def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
-        """Read the last state that has an undamaged checkpoint. Collective.
+        """Read the last state that has an intact checkpoint. Collective.
 
-        Damaged checkpoints are skipped, with a warning in the log.
+        Corrupt checkpoints are skipped, with a warning in the log.
 
         Args:
             indices: indices of the states, in descending order.
             read: function that reads the state with an index.
 
         Raises:
-            ValueError: on every rank, if all checkpoints are damaged.
+            ValueError: on every rank, if all checkpoints are corrupt.
         """
         for index in indices[:-1]:
             try:

@@ -113,14 +113,21 @@ class StateArrays:
         return arrays
 
     def statuses(self, arrays: Arrays) -> list[Codes]:
-        """Return the statuses of the points of this rank, by surface."""
+        """Return the statuses of the points of this rank, one array per surface.
+
+        Args:
+            arrays: arrays as returned by `of_points`.
+        """
         return [arrays[f"statuses.{i}"][points.mine] for i, points in enumerate(self._points)]
 
     def memory(self, arrays: Arrays) -> tuple[Memory, ...]:
-        """Return the memory of the points of this rank, by surface.
+        """Return the memory of the points of this rank, one object per surface.
 
         For sliding faces the memory includes the displacement, and the motion of a rotating rigid
         body, if there is one. Both are read from the problem.
+
+        Args:
+            arrays: arrays as returned by `of_points`.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories = []
@@ -142,7 +149,7 @@ class StateArrays:
 
 
 class _Multiplier:
-    """Transfer between a multiplier and a Function on the mesh of the body, at equal nodes.
+    """Transfer of a multiplier to a Function on the mesh of the body, and back.
 
     Args:
         s: contact surface of the multiplier.
@@ -160,7 +167,10 @@ class _Multiplier:
         self._shared = SharedValues(W.dofmap.index_map)
 
     def extend(self) -> None:
-        """Copy the multiplier to the body; the values away from the surface are 0. Collective."""
+        """Copy the multiplier to the Function on the body. Collective.
+
+        The Function is 0 away from the surface.
+        """
         bs = self.on_body.function_space.dofmap.index_map_bs
         values = self._multiplier.x.array.reshape(-1, bs)
         # A rank may own a node of the body without the adjacent facet, and several ranks may have
@@ -169,7 +179,7 @@ class _Multiplier:
         self.on_body.x.array[:] = (sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)).reshape(-1)
 
     def restrict(self) -> None:
-        """Copy the values on the body to the multiplier. Collective."""
+        """Copy the values of the Function on the body to the multiplier. Collective."""
         values = self.on_body.x.array.reshape(-1, self.on_body.function_space.dofmap.index_map_bs)
         self._multiplier.x.array[:] = values[self._nodes].reshape(-1)
         self._multiplier.x.scatter_forward()
@@ -204,18 +214,21 @@ def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
 
 
 def coefficients(V: fem.FunctionSpace, values: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Return the coefficients in each owned cell, shape (cells, coefficients per cell).
+    """Return the coefficients of a Function in each owned cell.
 
     Args:
         V: function space of the Function.
-        values: local values of a Function in this space.
+        values: local values of the Function.
+
+    Returns:
+        Coefficients, shape (cells, coefficients per cell).
     """
     topology = V.mesh.topology
     return values[_places(V)[: topology.index_map(topology.dim).size_local]]
 
 
 def _fill(f: fem.Function, whole: Array | None) -> None:
-    """Fill a Function from the coefficients of all cells on rank 0. Collective."""
+    """Fill a Function from its coefficients in all cells, given on rank 0. Collective."""
     comm = f.function_space.mesh.comm
     numbers = input_numbers(f.function_space.mesh)
     if comm.rank:
@@ -247,7 +260,10 @@ def input_numbers(domain: mesh.Mesh) -> Ints:
 
 
 def _places(V: fem.FunctionSpace) -> Ints:
-    """Return the indices of the coefficients in each local cell, shape (cells, coefficients)."""
+    """Return the local indices of the coefficients of a Function in each local cell.
+
+    The result has the shape (cells, coefficients per cell).
+    """
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list.astype(np.int64)
     # a rank may have no cells

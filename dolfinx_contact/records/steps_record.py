@@ -191,7 +191,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
         Args:
             run_state: state of the run.
-            letters: status letters of the state.
+            letters: statuses of the contact points, one letter each.
             row: row of the state in the table of steps.
         """
         accepted = run_state.accepted
@@ -249,7 +249,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
         Raises:
             NoContinuation: see `QuasiStatic.run`.
-            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
+            ValueError: on every rank, if no run was recorded, or if all checkpoints are corrupt.
         """
         states = self.journal.states
         if not states:
@@ -280,10 +280,13 @@ class StepsRecord(Record[J], Generic[J, H]):
         return history
 
     def _run_state(self, index: int) -> RunState:
-        """Write a recorded state into the problem; return the state of the run. Collective.
+        """Write a recorded state into the problem and return it as state of a run. Collective.
+
+        Args:
+            index: number of the state, 0 for the start.
 
         Raises:
-            ValueError: on every rank, if its checkpoint is damaged.
+            ValueError: on every rank, if the checkpoint of the state is corrupt.
         """
         state = self.journal.states[index]
         run = dict(state.run)
@@ -313,7 +316,7 @@ class StepsRecord(Record[J], Generic[J, H]):
             index: number of the step, 0 for the start.
 
         Raises:
-            ValueError: on every rank, if the step does not exist or its checkpoint is damaged.
+            ValueError: on every rank, if the step does not exist or its checkpoint is corrupt.
         """
         same_everywhere(self.comm, index=index)
         last = len(self.journal.states) - 1
@@ -363,7 +366,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``. Later, during the run, if a step
             cannot be written: the record then ends with the previous step and can be resumed.
-        ValueError: on every rank, if the journal is damaged or belongs to another problem or load,
+        ValueError: on every rank, if the journal is corrupt or belongs to another problem or load,
             or if arguments differ between ranks. Nothing is written in this case.
 
     Example:
