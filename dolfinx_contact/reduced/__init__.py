@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Reduction of the contact problem to its contact points."""
+"""Condensation of a contact problem onto its contact points, on which algorithms operate."""
 
 from dolfinx_contact.reduced.point_problem import PointProblem
 from dolfinx_contact.reduced.reduction import Reduction

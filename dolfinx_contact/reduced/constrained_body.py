@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Factorised body with some motions of its contact points prescribed.
+r"""Factorised body whose displacements satisfy prescribed linear conditions.
 
     [ K   C^T ] [ u ]   [ b ]
     [ A    0  ] [ p ] = [ c ]
 
-The displacement u is determined by loads b and prescribed motions A u = c. C^T p are the forces
-that enforce these motions (C = A for a support; with friction C differs from A). Rows of Dirichlet
-data are inserted. The condensed problem (`reduction`) and analyses of the body in contact use this
-factorisation to eliminate the body.
+The displacement u is determined by the loads b and by the conditions A u = c, for example
+prescribed motions c of the contact points. K is the stiffness. C^T p are the forces that enforce
+the conditions, with the multipliers p (C = A for a support; with friction C differs from A). Rows
+of Dirichlet data are inserted. The condensed problem (`reduction`) and analyses of the body in
+contact use this factorisation to eliminate the body.
 """
 
 from __future__ import annotations
@@ -44,9 +45,10 @@ def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> 
     """Return a copy of a displacement matrix with Dirichlet rows inserted. Collective.
 
     Args:
-        A: matrix.
+        A: matrix on the displacements.
         eq: contact problem.
-        diagonal: diagonal entry of Dirichlet rows; their other entries and columns are 0.
+        diagonal: diagonal entry of Dirichlet rows. All other entries of these rows and of the
+            corresponding columns are set to 0.
     """
     A = A.copy()
     fixed = np.flatnonzero(eq.fixed[: eq.owned_sizes[0]]) + A.getOwnershipRange()[0]
@@ -59,11 +61,13 @@ class ConstrainedField:
     """Field of unknowns: displacements of the body, or motions of rigid bodies.
 
     Attributes:
-        stiffness: stiffness K with Dirichlet rows.
-        rows: blocks of A; every field has the same number of blocks.
-        forces: blocks of C; default: A.
-        without_forces: indices of the rows of the field in which C^T p is set to 0; default: no
-            rows.
+        stiffness: stiffness of the field with Dirichlet rows.
+        rows: matrices that map the field to the prescribed motions, one for each block of
+            multipliers; every field has the same number of blocks.
+        forces: matrices, one for each block, whose transposes map multipliers to forces on the
+            field; default: ``rows``.
+        without_forces: indices of the unknowns of the field on which multipliers exert no force;
+            default: none.
     """
 
     stiffness: PETSc.Mat
@@ -72,7 +76,10 @@ class ConstrainedField:
     without_forces: Ints | None = None
 
     def transposed(self, unit: float) -> list[PETSc.Mat]:
-        """Return the blocks of C^T times ``unit``, which the caller destroys. Collective."""
+        """Return the matrices from multipliers to forces, times ``unit``, one for each block.
+
+        The caller must destroy them. Collective.
+        """
         found = []
         for C in self.rows if self.forces is None else self.forces:
             block = C.transpose(PETSc.Mat())
@@ -84,7 +91,16 @@ class ConstrainedField:
 
 
 def saddle(fields: Sequence[ConstrainedField], unit: float) -> PETSc.Mat:
-    """Return the AIJ matrix [K, u C^T; u A, 0] with the unit u of multipliers. Collective."""
+    """Return the matrix of the linear system of a body with prescribed motions. Collective.
+
+    The AIJ matrix is [K, s C^T; s A, 0] with the stiffness K of all fields, the matrix A from the
+    fields to the prescribed motions, the transpose of a matrix C from multipliers to forces, and
+    the unit s of the multipliers.
+
+    Args:
+        fields: fields of unknowns.
+        unit: unit s.
+    """
     scaled = [[A * unit for A in field.rows] for field in fields]
     transposed = [field.transposed(unit) for field in fields]
     rows: list[list[PETSc.Mat | None]] = []
@@ -101,9 +117,11 @@ def saddle(fields: Sequence[ConstrainedField], unit: float) -> PETSc.Mat:
 def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
     """Return whether a displacement matrix is symmetric and positive definite. Collective.
 
+    Pivots count as zero up to round-off.
+
     Args:
         eq: contact problem, whose Dirichlet rows are excluded.
-        A: displacement matrix; the signs of its pivots are tested up to round-off.
+        A: displacement matrix.
     """
     inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
     definite = False
@@ -116,7 +134,7 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
 
 def columns_of(rows: PETSc.Mat) -> Columns:
-    """Return the transpose of a matrix with k rows as k columns of loads. Collective.
+    """Return the transpose of a matrix with k rows as k sparse columns. Collective.
 
     The n owned entries of each column are returned, shape (n, k).
     """
@@ -132,19 +150,21 @@ class ConstrainedBody:
 
     Args:
         comm: communicator.
-        fields: fields of unknowns; their rows are in the order of the multipliers p.
-        unit: unit of the multipliers p, of the magnitude of the stiffness.
+        fields: fields of unknowns; their rows are in the order of the multipliers.
+        unit: unit of the multipliers, of the magnitude of the stiffness.
         prefix: prefix of PETSc options.
         counted: whether the numbers of negative and zero pivots are required (`signs`, `definite`);
             default: only if no motions are prescribed.
 
     Attributes:
-        sizes: local numbers of unknowns: all fields together, then each block of p.
-        matrix: matrix of the whole system above, in which multipliers are forces divided by
-            ``unit``.
+        sizes: local numbers of unknowns: those of all fields together, followed by those of each
+            block of multipliers.
+        matrix: matrix of the whole linear system (`saddle`), in which multipliers are forces
+            divided by ``unit``.
 
     Raises:
         RuntimeError: if a rigid motion of the body remains free.
+        ValueError: if the stiffness is not finite.
     """
 
     def __init__(
@@ -178,10 +198,11 @@ class ConstrainedBody:
         """Solve for one right-hand side.
 
         Args:
-            loads: owned parts of b and of the blocks of c; omitted blocks are 0.
+            loads: owned entries of the loads on all fields, followed by owned entries of the
+                prescribed motions of each block; omitted blocks are 0.
 
         Returns:
-            Owned displacement u, and owned multipliers p of each block, as forces.
+            Owned values of the fields, followed by the owned multipliers of each block, as forces.
         """
         self._b.set(0.0)
         for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
@@ -192,7 +213,10 @@ class ConstrainedBody:
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     def left(self) -> float:
-        """Return a bound of the norm of the residual of the last `solve`. Collective."""
+        """Return a bound of the norm of the residual of the last `solve`. Collective.
+
+        The bound includes the round-off of the residual.
+        """
         off = self.round_off(self._x.norm(), self._b.norm())
         self._b.scale(-1.0)
         residual = self._b.duplicate()
@@ -202,7 +226,7 @@ class ConstrainedBody:
         return float(off)
 
     def round_off(self, x: Any, b: Any) -> Any:
-        """Return a bound of the round-off in a residual b - A x of `matrix`. Collective.
+        """Return a bound of the round-off in a residual of the linear system. Collective.
 
         Args:
             x: norm of the solution.
@@ -219,12 +243,13 @@ class ConstrainedBody:
 
     @property
     def signs(self) -> tuple[int, int]:
-        """Numbers of negative and zero eigenvalues of K on the motions A u = 0. Collective.
+        """Numbers of negative and zero eigenvalues of the stiffness on a null space. Collective.
 
-        With m independent rows of A, the matrix of the whole system has m more negative eigenvalues
-        (N. I. M. Gould, On practical conditions for the existence and uniqueness of solutions to
-        the general equality quadratic programming problem, Math. Programming 32, 1985). The
-        stiffness must be symmetric, and ``counted`` True.
+        It is the null space of the matrix A from the fields to the prescribed motions. With m
+        independent rows of A, the matrix of the whole system has m more negative eigenvalues (N. I.
+        M. Gould, On practical conditions for the existence and uniqueness of solutions to the
+        general equality quadratic programming problem, Math. Programming 32, 1985). The stiffness
+        must be symmetric, and ``counted`` True.
         """
         rows = int(self.comm.allreduce(sum(self.sizes[1:])))
         negative, zero, _ = self._factor.inertia
@@ -238,11 +263,12 @@ class ConstrainedBody:
         """Solve for many right-hand sides in batches.
 
         Args:
-            loads: sparse columns with the owned entries of b and of ``unit`` c, shape (n, k).
+            loads: sparse columns with the owned loads on the fields, followed by the owned
+                prescribed motions times ``unit``, shape (n, k).
 
         Yields:
-            Slice of the columns in a batch, loads of the batch, and its dense solution X, which is
-            destroyed afterwards. Multipliers in X are forces divided by ``unit``.
+            Slice of the columns in a batch, loads of the batch, and the dense matrix of solutions,
+            which is destroyed afterwards. Its multipliers are forces divided by ``unit``.
         """
         for a in range(0, loads.shape[1], BATCH):
             part = loads[:, a : a + BATCH]
@@ -251,10 +277,10 @@ class ConstrainedBody:
             X.destroy()
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
-        """Return the responses to many loads b.
+        """Return displacements and multipliers caused by many loads, without prescribed motions.
 
         Args:
-            loads: sparse columns with the owned entries of loads b, shape (n, k).
+            loads: sparse columns with the owned entries of the loads on the fields, shape (n, k).
             seen: matrix that is applied to the displacements.
 
         Returns:

@@ -30,15 +30,18 @@ class GatheredPoints:
 
     Attributes:
         number: number m of points.
-        local: local numbers of the points of this rank, which count its clamped contact points as
-            well.
+        local: indices of the points of this rank among all its contact points, including clamped
+            ones.
         mine: indices of the points of this rank among the m points.
         positions: positions, shape (m, dim).
         normals: normals, shape (m, dim).
         frames: orthogonal matrices T of the points, shape (m, dim, dim). In Cartesian components,
-            the jump at a point is T (ut, un), and the force on the body is T (rt, rn).
+            the jump at a point is T (ut, un) with the tangential displacement ut and the gap un,
+            and the force on the body is T (rt, rn) with the tangential force rt and the normal
+            force rn.
         areas: areas, shape (m,).
-        friction: friction coefficients, shape (m,); 0 without friction.
+        friction: friction coefficients, shape (m,); 0 without friction and at points with
+            prescribed tangential displacements.
         bound: prescribed friction bounds (Tresca) as forces, shape (m,); 0 for other laws.
         augmentation: augmentation parameters of Newton's method, force per length, shape (m,).
         gap: initial gaps, shape (m,).
@@ -79,7 +82,7 @@ class GatheredPoints:
 
     @staticmethod
     def _table(eq: ContactEquations, number: int) -> dict[str, npt.NDArray[Any]]:
-        """Return data of the contact points of a surface on this rank, by name."""
+        """Return data of all contact points of a surface on this rank, as arrays by name."""
         s = eq.surfaces[number]
         n = s.points.number
         at_rest = np.zeros((n, eq.dim))
@@ -99,20 +102,27 @@ class GatheredPoints:
         }
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Gather the values of all ranks, in the order of the points. Collective."""
+        """Gather values of all ranks at the points, in the order of the points. Collective.
+
+        Args:
+            values: values at all contact points of this rank, including clamped ones.
+        """
         return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and the number of the point there. Collective."""
+        """Return the rank that owns point ``i``, and the local index of the point. Collective.
+
+        The local index counts all contact points of that rank, including clamped ones.
+        """
         rank, number = self._gathered.owner(i)
         mine = int(self.local[number]) if self.comm.rank == rank else None
         return rank, int(self.comm.bcast(mine, root=rank))
 
     def laws(self, stiffness: float) -> PointLaws:
-        """Return the laws at the points, in 2D. Collective.
+        """Return the contact laws of all points in 2D, in terms of lengths only. Collective.
 
         Args:
-            stiffness: unit of the forces in w, force per length.
+            stiffness: force per length by which forces are divided.
         """
         groups = []
         for number, s in enumerate(self._surfaces):
@@ -139,13 +149,15 @@ class GatheredPoints:
 
 @dataclass(frozen=True)
 class PointLaws:
-    """Contact laws of the points in terms of w = (ut, un, rt, rn).
+    """Contact laws of the points in 2D, in terms of the state w = (ut, un, rt, rn) of a point.
+
+    ut is the tangential displacement, un the gap, and rt and rn are the tangential and normal
+    forces on the body divided by a stiffness, so that all entries are lengths.
 
     Attributes:
         number: number m of points.
-        frames: frames T, shape (m, 2, 2).
-        scale: ratio of tractions to the forces in w, shape (m,); the forces in w are divided by a
-            stiffness.
+        frames: orthogonal matrices T, shape (m, 2, 2): T (ut, un) and T (rt, rn) are Cartesian.
+        scale: ratios of tractions to the forces in w, shape (m,).
         groups: for each law, indices of its points, the law, and its data at these points.
     """
 
@@ -155,10 +167,10 @@ class PointLaws:
     groups: list[tuple[Ints, LawAtPoints, PointData]]
 
     def classify(self, w: Array) -> Codes:
-        """Return the statuses determined by a state, shape (m,).
+        """Return the statuses that the laws determine at a state, shape (m,).
 
         Args:
-            w: state, shape (m, 4).
+            w: state of the points, shape (m, 4).
         """
         codes: Codes = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
@@ -170,11 +182,13 @@ class PointLaws:
         return codes
 
     def cones(self) -> tuple[Array, Array, Mask]:
-        """Return the cones of the four statuses of every point (`laws.cones`).
+        """Return the cones of states for each of the four statuses of every point.
+
+        A state w of a point has a status if w = B z for some z and C w >= 0 (`laws.cones`).
 
         Returns:
-            Bases, shape (m, 4, 4, 2); inequalities, shape (m, 4, 3, 4); and mask of the statuses
-            that exist at a point, shape (m, 4).
+            Bases B, shape (m, 4, 4, 2); inequalities C, shape (m, 4, 3, 4); and mask of the
+            statuses that exist at a point, shape (m, 4).
         """
         B = np.zeros((self.number, 4, 4, 2))
         C = np.zeros((self.number, 4, 3, 4))

@@ -2,14 +2,14 @@
 r"""Reduced problem: a body condensed onto its contact points, with the contact laws.
 
 Each of the m contact points has the unknown displacement a = (ut, un), with one or two tangential
-components and the gap, and the unknown force r = (rt, rn) on the body. With the stiffness S
-condensed onto these points,
+components ut and the gap un, and the unknown force r = (rt, rn) on the body, with the tangential
+force rt and the normal force rn. With the stiffness S condensed onto these points and the load p,
 
     S a = r + p,    0 <= un, 0 <= rn, un rn = 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
 F is Coulomb's coefficient and g a prescribed friction bound (Tresca). un = 0 means that the point
-is in contact; the initial gap is contained in p. With the augmentation k (stiffness of a point) the
-laws are equations (`laws.coulomb`), whose residual is measured as in Newton's method
+is in contact; the initial gap is contained in p. With an augmentation parameter k (the stiffness of
+a point), the laws are equations (`laws.coulomb`), whose residual is measured as in Newton's method
 (`equations.measures`). `reduced.Reduction` condenses a body to a `PointProblem`; algorithms solve
 it, and certificates refer to it.
 """
@@ -40,23 +40,28 @@ _ROUND_OFF = 1e-4  # smallest scale of forces, relative to stiffness times displ
 class PointProblem:
     """Reduced contact problem S a = r + p with Signorini's conditions and friction, 2D or 3D.
 
+    For m points, a contains the tangential displacements ut and the gaps un, and r the tangential
+    and normal forces rt and rn on the body.
+
     Args:
-        S: stiffness, shape (dim m, dim m), ordered point by point, tangents before the normal;
-            symmetric and positive definite.
+        S: stiffness, ordered point by point, tangents before the normal; symmetric and positive
+            definite, shape (dim m, dim m).
         p: load, shape (dim m,).
         friction: friction coefficients F >= 0, shape (m,).
-        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
-        augmentation: augmentation k, force per length, shape (m,); by default the mean diagonal
-            entry of S at each point.
-        force: scale of forces in the measures if no contact force is larger; by default the
+        bound: prescribed friction bounds g >= 0, forces, shape (m,), default zero. The total bound
+            of a point is F rn + g.
+        augmentation: augmentation parameters, force per length, shape (m,); by default the mean
+            diagonal entry of S at each point.
+        force: scale of forces in relative residuals if no contact force is larger; by default the
             largest entry of p.
-        length: scale of lengths in the measures if no displacement is larger; by default the
+        length: scale of lengths in relative residuals if no displacement is larger; by default the
             largest displacement without contact.
         positions: coordinates of the points, shape (m, any); optional.
-        gap: initial gap, which is contained in p, lengths, shape (m,); None if the problem was not
-            condensed from a body.
-        frames: orthogonal matrices T, shape (m, dim, dim), whose columns are the tangents and minus
-            the outward normal; T a and T r are Cartesian. None as for ``gap``.
+        gap: initial gaps, which are contained in p, lengths, shape (m,); None if the problem was
+            not condensed from a body.
+        frames: orthogonal matrices, shape (m, dim, dim), whose columns are the tangents and minus
+            the outward normal. They map a and r at a point to Cartesian components. None if the
+            problem was not condensed from a body.
         S_error: error bounds of the entries of S, shape (dim m, dim m), or None if unknown. The
             asymmetry of S is added.
         p_error: error bounds of the entries of p, shape (dim m,), or None if unknown.
@@ -65,8 +70,8 @@ class PointProblem:
 
     Raises:
         ValueError: if an argument is not an array of finite numbers of the required shape; if
-            friction, a bound or an error is negative; if the augmentation is not positive; or if
-            the stiffness is not positive definite beyond round-off.
+            friction, a bound or an error is negative; if the augmentation is not positive; if a
+            frame is not orthogonal; or if the stiffness is not positive definite beyond round-off.
     """
 
     S: Array
@@ -133,7 +138,7 @@ class PointProblem:
 
     @property
     def number(self) -> int:
-        """Number m of points."""
+        """Number m of contact points."""
         return len(self.friction)
 
     @property
@@ -143,41 +148,53 @@ class PointProblem:
 
     @cached_property
     def A(self) -> Array:
-        """Compliance S^-1, shape (dim m, dim m)."""
+        """Compliance, the inverse of the stiffness, shape (dim m, dim m) for m points."""
         inverse = np.linalg.inv(self.S)
         return np.asarray(0.5 * (inverse + inverse.T))
 
     @cached_property
     def longest(self) -> float:
-        """Largest eigenvalue of the compliance `A`."""
+        """Largest eigenvalue of the compliance matrix, in units of length per force."""
         return float(1.0 / np.linalg.eigvalsh(self.S)[0])
 
     @cached_property
     def free(self) -> Array:
-        """Displacements without contact forces, shape (m, dim)."""
+        """Displacements of the points without contact forces, shape (m, dim)."""
         return np.asarray(np.linalg.solve(self.S, self.p).reshape(self.number, -1), np.float64)
 
     @cached_property
     def blocks(self) -> Array:
-        """Diagonal blocks of the stiffness, shape (m, dim, dim)."""
+        """Diagonal block of the stiffness for each point, shape (m, dim, dim)."""
         m = self.number
         d = self.dim
         every = np.arange(m)
         return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
 
     def forces(self, a: Array) -> Array:
-        """Return the forces r = S a - p at displacements a, both of shape (m, dim)."""
+        """Return the forces at the points that cause given displacements, shape (m, dim).
+
+        They are r = S a - p with the stiffness S and the load p.
+
+        Args:
+            a: displacements, shape (m, dim).
+        """
         return (self.S @ a.reshape(-1) - self.p).reshape(a.shape)
 
     def displacements(self, r: Array) -> Array:
-        """Return the displacements S^-1 (r + p) under forces r, both of shape (m, dim)."""
+        """Return the displacements of the points under given forces, shape (m, dim).
+
+        They are a = S^-1 (r + p) with the stiffness S and the load p.
+
+        Args:
+            r: forces on the body, shape (m, dim).
+        """
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
     def given(self, bound: Array) -> PointProblem:
-        """Return the Tresca problem with given friction bounds instead of F rn + g.
+        """Return the same problem with Tresca friction, i.e. with prescribed friction bounds.
 
         Args:
-            bound: friction bounds, shape (m,).
+            bound: friction bounds, forces, shape (m,).
         """
         found = object.__new__(PointProblem)
         found.__dict__.update(self.__dict__)
@@ -187,11 +204,18 @@ class PointProblem:
     # -- the laws --------------------------------------------------------------------------------
 
     def radius(self, rn: Array) -> Array:
-        """Return the radii F rn + g of the friction discs at normal forces rn, shape (m,)."""
+        """Return the friction bounds of the points at given normal forces, shape (m,).
+
+        Args:
+            rn: normal forces, shape (m,).
+        """
         return coulomb.radius(rn, self.friction, self.bound)
 
     def allowed(self, r: Array) -> Array:
-        """Project forces onto admissible ones: rn onto rn >= 0, then rt onto the disc of this rn.
+        """Map forces to admissible forces, shape (m, dim).
+
+        The normal force is projected onto non-negative numbers, and the tangential force onto the
+        friction disc for the resulting normal force.
 
         Args:
             r: forces, shape (m, dim).
@@ -199,35 +223,71 @@ class PointProblem:
         return coulomb.allowed(r, self.friction, self.bound)
 
     def derivative(self, s: Array) -> Array:
-        """Return generalised derivatives of `allowed` at forces s, shape (m, dim, dim)."""
+        """Return a generalised derivative of `allowed` at each point, shape (m, dim, dim).
+
+        Args:
+            s: forces at which the derivative is evaluated, shape (m, dim).
+        """
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
-        """Return the augmented forces r - k a at which the laws are evaluated, shape (m, dim)."""
+        """Return the augmented forces r - k a at which the laws are evaluated, shape (m, dim).
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim). The augmentation parameters k are `augmentation`.
+        """
         return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
-        """Return the projection of r - k a onto the friction cones, shape (m, dim).
+        """Return the admissible forces (`allowed`) for augmented forces r - k a, shape (m, dim).
 
-        It equals r at a solution.
+        They are equal to r at a solution.
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim).
+            k: augmentation parameters, force per length, shape (m,); default: `augmentation`.
         """
         k = self.augmentation if k is None else k
         return self.allowed(r - k[:, None] * a)
 
     def closed(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the points in contact, shape (m,)."""
+        """Return a mask of the points in contact, shape (m,).
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim).
+        """
         return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the sticking points, shape (m,)."""
+        """Return a mask of the sticking points, shape (m,).
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim).
+        """
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> Codes:
-        """Return the status codes (`laws.status`) of the points at a state, shape (m,)."""
+        """Return the status codes of the points at a state (`laws.status`), shape (m,).
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim).
+        """
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
-        """Return the residuals of a state relative to scales of force and length (`Measures`)."""
+        """Return the residuals of a state relative to scales of force and length (`Measures`).
+
+        Args:
+            a: displacements, shape (m, dim).
+            r: forces on the body, shape (m, dim).
+            force: force scale.
+            length: length scale.
+        """
         # In soft directions, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off = r - self.answer(a, r)
@@ -245,7 +305,7 @@ class PointProblem:
         )
 
     def scaled(self) -> tuple[PointProblem, float, float]:
-        """Return the problem in units of its data, and these units of stiffness and length."""
+        """Return the problem in dimensionless form, and its units of stiffness and length."""
         stiffness = float(np.diag(self.S).mean())
         length = float(np.abs(self.free).max()) or 1.0
         force = stiffness * length

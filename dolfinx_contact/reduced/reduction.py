@@ -1,28 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Condensation of the body onto its contact points, in 2D and 3D.
 
-For jumps j at the contact points and the forces r = W t on the body there, equilibrium reads
+Let u be the displacement of the body, j the jumps at the contact points, and r the forces on the
+body there. For increments du, dj and dr of these and dgamma of the load parameter gamma,
+equilibrium reads
 
     [ K  -B^T ] [ du ]   [ -b_u - c_u dgamma ]
     [ B    0  ] [ dr ] = [        dj         ]
 
-with the residual b_u and the rate c_u of the rows of the body. (With rigid bodies, u contains their
-unknowns, without stiffness, and B is [B, -Phi].) Responses to unit jumps give the small dense
-stiffness S, equal on every rank. In the local frames of the points, with a = (ut, un) and the
-forces r = (rt, rn) on the body,
+with the stiffness K, the matrix B from displacements to jumps, the residual b_u of the body and its
+derivative c_u with respect to gamma. (With rigid bodies, u also contains their motions, without
+stiffness, and B is [B, -Phi], where Phi maps these motions to displacements of the points.) The
+responses to unit jumps give the small dense stiffness S of the points, equal on every rank. In the
+local frames of the points, with the tangential displacements ut and the gaps un in a = (ut, un),
+and the tangential and normal forces in r = (rt, rn),
 
-    S a - r = p + gamma q.
+    S a - r = p + gamma q
 
-This is the `PointProblem` of algorithms and certificates and, with the statuses of the points as
-cones of w = (a, r), the `AffineSystem` of pivoting. If the body is linear and gamma enters the data
-linearly, the reduction is exact. Otherwise it is the linearisation, which determines how branches
-leave a point.
+with the load p and its rate q. This is the `PointProblem` of algorithms and certificates and, with
+the statuses of the points as cones of w = (a, r), the `AffineSystem` of pivoting. If the body is
+linear and gamma enters the data linearly, the reduction is exact. Otherwise it is the
+linearisation, which determines how branches leave a point.
 
-The residuals of the factorisation bound the errors of S, p and q. The transpose of the matrix A is
-D A D with the signs D of displacements and forces, so that the transposed solution for a unit force
-equals the solution X for a unit jump up to signs. Hence dS_ij = X_i.R_j with the residuals R, and
-|dS_ij| <= |X_i| |R_j|, up to products of two residuals; |R| includes the round-off of R. Assembled
-matrices are treated as exact.
+The residuals of the linear systems bound the errors of S, p and q. Let X_i be the computed response
+to a unit jump i, and R_i its residual. Up to signs, X_i also solves the transposed system for a
+unit force. Hence the error of S_ij is X_i.R_j, whose magnitude is at most |X_i| |R_j|, up to
+products of two residuals; |R_j| includes the round-off of R_j. Assembled matrices are treated as
+exact.
 
 Every multiplier node must be a contact point. Cones are available for laws in 2D with polyhedral
 statuses (`laws.cones`).
@@ -69,24 +73,29 @@ _SYMMETRIC = 1e-8  # asymmetry, relative to the largest entry, that counts as ro
 class Reduction:
     """Contact problem with a parameter, condensed onto its points at a state. Collective.
 
+    A piece of the problem is the system of equations for fixed statuses of all points. The state w
+    of a point contains its tangential displacement and gap, and the tangential and normal forces on
+    the body divided by ``force_unit``.
+
     Args:
         parametric: contact problem within the `scope`.
-        x: state at which H is linearised.
+        x: state at which the equations are linearised.
         gamma: parameter at the state.
         exact: whether the pieces are affine, so that the linearisation is exact.
-        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains only the
-            matrix and loads.
+        conic: whether the states with a given status form a cone (`can_condense`); otherwise
+            `system` contains only the matrix and loads.
 
     Attributes:
         points: the m contact points in the order of their coordinates.
         system: affine system with the statuses of the points as cones, in 2D only.
-        S: stiffness divided by ``force_unit``, shape (dim m, dim m), point by point, tangents
-            before the normal; symmetric up to round-off if the body is symmetric.
-        load: p divided by ``force_unit``, shape (dim m,).
-        rate: q divided by ``force_unit``, shape (dim m,).
+        S: stiffness divided by ``force_unit``, point by point, tangents before the normal;
+            symmetric up to round-off if the body is symmetric, shape (dim m, dim m).
+        load: load of the points divided by ``force_unit``, shape (dim m,).
+        rate: derivative of the load with respect to the parameter, divided by ``force_unit``, shape
+            (dim m,).
         exact: whether the pieces are affine.
-        force_unit: unit of forces in w, `S` and loads, chosen such that the mean diagonal entry of
-            `S` is 1; all entries of w are lengths.
+        force_unit: force per length by which stiffness and forces are divided, chosen such that the
+            mean diagonal entry of `S` is 1. Loads and all entries of w are thus lengths.
     """
 
     system: AffineSystem
@@ -154,7 +163,7 @@ class Reduction:
 
     @classmethod
     def of(cls, equations: ContactEquations) -> Self:
-        """Reduce a linear body with its present data. Collective.
+        """Condense a linear body with its present data onto its contact points. Collective.
 
         Args:
             equations: equations of the problem (`ContactProblem.equations`); left unchanged.
@@ -192,16 +201,16 @@ class Reduction:
     # -- results ---------------------------------------------------------------------------------
 
     def problem(self, gamma: float = 0.0, *, unit: float = 1.0) -> PointProblem:
-        """Return the point problem at ``gamma``, with the laws of Coulomb and Tresca.
+        """Return the point problem at a parameter, with the laws of Coulomb and Tresca.
 
         Not collective.
 
         Args:
             gamma: parameter.
-            unit: unit of forces; by default the unit of the user.
+            unit: unit of forces; by default the user's unit.
 
         Raises:
-            ValueError: if S is not positive definite, or a number is not finite.
+            ValueError: if the stiffness is not positive definite, or a number is not finite.
         """
         of_S, of_load = self._errors_at(gamma)
         points = self.points
@@ -223,7 +232,7 @@ class Reduction:
 
     @property
     def guided(self) -> bool:
-        """Whether Dirichlet data prescribe tangential displacements of frictionless points."""
+        """Whether Dirichlet data prescribe the tangential displacement of any point."""
         return self.points.guided
 
     def require_finite(self) -> None:
@@ -236,23 +245,25 @@ class Reduction:
 
     @cached_property
     def always_solvable(self) -> bool:
-        """Whether a solution exists for every gamma, i.e. S is positive definite and H affine.
+        """Whether a solution exists for every value of the parameter.
 
-        The problem with a given friction bound then has exactly one solution, which depends
-        continuously on the bound. By Brouwer's theorem there is a bound equal to F times the
-        pressure of its own solution (Haslinger, Math. Methods Appl. Sci. 5, 1983).
+        This holds if the problem is affine for fixed statuses and the stiffness S is positive
+        definite. The problem with a given friction bound then has exactly one solution, which
+        depends continuously on the bound. By Brouwer's theorem there is a bound that equals the
+        friction coefficient times the normal force of its own solution (Haslinger, Math. Methods
+        Appl. Sci. 5, 1983).
         """
         return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
     def _displacements(self, x: PETSc.Vec) -> Array:
-        """Return the displacements of the body and of rigid bodies on this rank."""
+        """Return the entries for displacements and motions of rigid bodies, without multipliers."""
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
     def _errors_at(self, gamma: float) -> tuple[Array, Array]:
-        """Return error bounds of the entries of S and of p + gamma q.
+        """Return error bounds of the stiffness and of the load at a parameter.
 
-        The shapes are (dim m, dim m) and (dim m,).
+        The shapes are (dim m, dim m) and (dim m,) for m points.
         """
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
@@ -264,12 +275,18 @@ class Reduction:
 
     @property
     def _rate_errors(self) -> Array:
-        """Error bounds of q, shape (dim m,)."""
+        """Error bounds of the derivative of the load with respect to the parameter.
+
+        The shape is (dim m,) for m points.
+        """
         return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
-        """Error bounds of S, of p + gamma q at the state of the linearisation, and of q."""
+        """Error bounds of stiffness, load and load rate, due to the residuals of linear systems.
+
+        The bounds of the load are those at the state of the linearisation.
+        """
         k = self.force_unit
         d = self._dim
         # Frames mix the components of a point, and are orthonormal to round-off.
@@ -283,15 +300,18 @@ class Reduction:
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and the number of the point there. Collective."""
+        """Return the rank that owns point ``i``, and the local index of the point. Collective.
+
+        The local index counts all contact points of that rank, including clamped ones.
+        """
         return self.points.owner(i)
 
     def codes(self, piece: Piece) -> Codes:
-        """Return the statuses of all points in a piece. Collective."""
+        """Return the statuses of all points in a piece, i.e. a choice of statuses. Collective."""
         return self.points.gathered(piece.codes)
 
     def piece(self, codes: Codes) -> Piece:
-        """Return the piece in which the points have the given statuses."""
+        """Return the piece, as data of this rank, in which the m points have given statuses."""
         new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
         new[self.points.local] = codes[self.points.mine]
         return Piece(new)
@@ -299,7 +319,11 @@ class Reduction:
     # -- the body --------------------------------------------------------------------------------
 
     def _constrained_at_points(self, u: Array) -> ConstrainedBody:
-        """Factorise [K, -B^T; -B, 0] with the Dirichlet rows of H."""
+        """Return the factorised body with prescribed jumps at the contact points.
+
+        Args:
+            u: displacement at which the stiffness is evaluated.
+        """
         eq = self._equations
         first = 0
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
@@ -342,7 +366,7 @@ class Reduction:
                 destroy(field.stiffness, *field.rows)
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
-        """Return the map from motions of rigid bodies to jumps at the points of a surface."""
+        """Return the matrix from motions of rigid bodies to jumps at the points of a surface."""
         s = term.surface
         n = s.points.number * s.dim
         if not isinstance(term, RigidTerm):
@@ -355,16 +379,23 @@ class Reduction:
         return self._matrix(n, rows, columns, moved)
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
-        """Return a matrix with n rows and the rigid-body columns of this rank."""
+        """Return a matrix from motions of rigid bodies, with n rows on this rank.
+
+        Args:
+            n: number of rows on this rank.
+            rows: global row of each entry.
+            columns: global column of each entry.
+            values: values of the entries.
+        """
         shape = n, self._equations.rigid.owned
         return triplet_matrix(self.comm, shape, rows, columns, values)
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
-        """Compute the forces at the points due to unit jumps. Collective.
+        """Compute the forces at the points caused by unit jumps. Collective.
 
         Returns:
-            Forces, shape (dim m, dim m); norms of the solutions, and norms of their residuals,
-            shape (dim m,) each.
+            Forces, one column for each unit jump, shape (dim m, dim m); norms of the solutions; and
+            bounds of the norms of their residuals, shape (dim m,) each.
         """
         d = self._dim
         columns = d * self._m
@@ -394,7 +425,7 @@ class Reduction:
         """Solve the body for a load and prescribed jumps. Collective.
 
         Args:
-            load: owned entries of the load on the displacements.
+            load: owned entries of the load on the body and on rigid bodies.
             jumps: jumps at the points, shape (m, dim).
 
         Returns:
@@ -412,9 +443,13 @@ class Reduction:
     # -- states ----------------------------------------------------------------------------------
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """Return the state w of all points, shape (m, 2 dim). Collective.
+        """Return the state of all points, shape (m, 2 dim). Collective.
 
-        It contains a and r / `force_unit`.
+        It contains the tangential displacement and gap of each point, and the tangential and normal
+        forces on the body divided by `force_unit`.
+
+        Args:
+            x: unknowns of the contact problem.
         """
         evaluation = self._equations.evaluate_contact(x)
         jumps, forces = [], []
@@ -426,7 +461,13 @@ class Reduction:
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
-        """Write the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
+        """Write the unknowns of the contact problem for a state of the points. Collective.
+
+        Args:
+            w: state of the points (`contract`), shape (m, 2 dim).
+            gamma: parameter at this state.
+            x: vector to which the unknowns are written.
+        """
         dw = w - self._w
         T = self.points.frames
         d = self._dim
@@ -448,9 +489,9 @@ class Reduction:
     def relax(self, x: PETSc.Vec) -> None:
         """Bring a linear body into equilibrium with the contact forces in ``x``. Collective.
 
-        `expand` sets the displacements of the points exactly, so that the round-off of S a - p
-        remains as unbalanced forces, which are large at stiff points. This method converts it to
-        displacements.
+        `expand` sets the displacements of the points exactly. The round-off of the equilibrium at
+        the points then remains as unbalanced forces, which are large at stiff points. This method
+        converts these forces to displacements.
         """
         b = x.duplicate()
         self._equations.residual(x, b)
@@ -464,7 +505,12 @@ class Reduction:
         self._move(x, du)
 
     def _move(self, x: PETSc.Vec, du: Array) -> None:
-        """Add owned displacements of the body and motions of rigid bodies to ``x``."""
+        """Add increments of displacements and of rigid motions to the unknowns in place.
+
+        Args:
+            x: unknowns of the contact problem.
+            du: owned increments of the displacements, followed by those of the rigid motions.
+        """
         x.array[: self._nodal] += du[: self._nodal]
         x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
 
@@ -479,7 +525,13 @@ def _no_solver() -> Any:
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """Return the reduced problem with the scales of a state, on every rank. Collective.
+    """Return the reduced problem, with scales of force and length at a state. Collective.
+
+    The problem is the same on every rank.
+
+    Args:
+        equations: equations of the contact problem.
+        x: state at which the scales are evaluated.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced.
@@ -489,12 +541,18 @@ def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
 
 
 def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
-    """Return the force and length scales of the relative residuals at a state. Collective."""
+    """Return the force and length scales at a state, for relative residuals. Collective."""
     return measure(equations, equations.evaluate(x))[1]
 
 
 def scaled(contact: PointProblem, scales: Scales) -> PointProblem:
-    """Return the reduced problem with the scales of a state of the body."""
+    """Return a reduced problem with other scales of force and length.
+
+    Args:
+        contact: reduced problem.
+        scales: scales at a state of the body (`scales_at`). If the displacement without contact is
+            larger than the scale of length, it replaces it.
+    """
     # If all points stick, displacements vanish; the displacement without contact sets the scale.
     length = max(scales.length, float(np.abs(contact.free).max()))
     return replace(contact, force=scales.force, length=length)

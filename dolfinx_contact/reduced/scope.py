@@ -19,7 +19,7 @@ _MOST_POINTS = 1024
 
 
 def check_reducible(eq: ContactEquations) -> None:
-    """Raise `ValueError` unless a problem can be reduced to a `PointProblem`. Collective."""
+    """Raise `ValueError` if a problem cannot be reduced to a `PointProblem`. Collective."""
     laws = [s.law for s in eq.surfaces]
     known = all(law.bound_kind in ("proportional", "given") for law in laws)
     alone = not eq.is_weak
@@ -45,13 +45,17 @@ def check_reducible(eq: ContactEquations) -> None:
 def can_condense(
     system: ParametricEquations, *, partly: bool = False, bounded: bool = False
 ) -> bool:
-    """Return whether a 2D problem has affine pieces at its contact points. Collective.
+    """Return whether a 2D problem can be condensed to an affine system. Collective.
+
+    This requires that the equations at the contact points are affine for fixed statuses. The result
+    is False in 3D.
 
     Args:
         system: contact problem with a parameter.
         partly: whether contact points with prescribed tangential displacements are admissible.
             Their statuses in the reduced problem differ from those in the full problem.
-        bounded: whether Tresca's law is admissible, whose pieces are affine but not cones.
+        bounded: whether Tresca's law is admissible, for which the equations are affine, but the
+            states with a given status do not form a cone.
     """
     eq = system.equations
     if eq.dim != 2 or _obstacle_at_points(system):
@@ -91,9 +95,9 @@ def why_not_reducible(system: ParametricEquations) -> str:
 
 
 def _obstacle_at_points(system: ParametricEquations) -> str:
-    """Return the reason why a problem cannot be condensed onto its contact points, or "".
+    """Return the reason why a problem cannot be condensed onto its contact points.
 
-    Collective.
+    The reason is "" if the points permit it. Collective.
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
@@ -131,7 +135,10 @@ class _PartlyFixed(NamedTuple):
 
 
 def _partly_fixed(system: ParametricEquations) -> _PartlyFixed:
-    """Examine the contact nodes with Dirichlet data in some directions only. Collective."""
+    """Return properties of contact nodes at which only some components have Dirichlet data.
+
+    Collective.
+    """
     eq = system.equations
     some = oblique = rubbed = False
     for s, constraints in zip(eq.surfaces, eq.constraints.surfaces, strict=True):
