@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Resultants of the forces on the body, on the two faces of pairs, and on rigid bodies.
 
-The rows of the displacement are R = R_bulk - C with the contact forces C. They vanish at free dofs
-and are the reactions of the support at Dirichlet dofs. Internal forces do no work on translations,
-so minus the sum of R_bulk is the resultant of the external forces in the bulk form (loads,
-springs). For a solution
+The residual of the displacement equations is R = R_bulk - C with the residual R_bulk of the bulk
+form and the contact forces C. At free dofs R vanishes; at Dirichlet dofs it is the reaction of the
+support. Internal forces do no work on translations, so minus the sum of R_bulk is the resultant of
+the external forces in the bulk form (loads, springs). For a solution
 
     contact + support + external = 0,
 
-where contact is summed from the tables, support from the rows of Dirichlet dofs, and external from
-the bulk form. The three are computed independently. Moments are not compared. In a body of
-revolution only the axial forces are compared, because radial forces cancel.
+where contact is summed from the tables, support from the entries of R at Dirichlet dofs, and
+external from the bulk form. The three are computed independently. Moments are not compared. In a
+body of revolution only the axial forces are compared, because radial forces cancel.
 
-In a pair, the contact forces B^T W t act on the nodes of both bodies. Their sums on the slave and
-on the master balance if the rows of B sum to zero; their moments balance if the faces coincide and
-B reproduces linear fields. Across a gap, shear causes a moment that small sliding neglects.
+In a pair, the contact forces B^T W t act on the nodes of both bodies, where B maps displacements to
+jumps, W contains the areas of the points, and t the tractions. The resultants on the slave and on
+the master balance if the rows of B sum to zero. Their moments balance if, in addition, the faces
+coincide and B reproduces linear fields. Across a gap, shear causes a moment that small sliding
+neglects.
 """
 
 from __future__ import annotations
@@ -56,11 +58,11 @@ class Balance:
     """Resultants of the forces on a body.
 
     Attributes:
-        support: resultant of the reactions of all Dirichlet data, shape (dim,).
+        support: resultant of the reactions at all Dirichlet dofs, shape (dim,).
         external: resultant of loads and springs in the bulk form, shape (dim,).
-        imbalance: |contact + support + external| over the sum of the magnitudes of all forces.
-            Components normal to planes of symmetry at which sliding faces are mirrored are
-            excluded.
+        imbalance: norm of the sum of contact, support and external forces, divided by the sum of
+            the magnitudes of all forces. Components normal to planes of symmetry at which sliding
+            faces are mirrored are excluded.
     """
 
     support: Array
@@ -114,12 +116,12 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
     Args:
         eq: contact problem.
         supports: reactions of Dirichlet data at the local nodes (`support_at_nodes`).
-        u: displacement at the local nodes.
+        u: displacement at the local dofs.
 
     Returns:
         Reactions and mean displacements, shape (conditions, dim) each. The displacement is the mean
-        over the nodes; it is NaN in components that the condition does not hold, and in the radial
-        component of a body of revolution.
+        over the nodes of the condition; it is NaN in components that the condition does not
+        prescribe, and in the radial component of a body of revolution.
     """
     n = eq.owned_sizes[0]
     owner = np.full(n, -1)
@@ -138,7 +140,9 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:
-    """Return the sum of forces over all ranks; for a body of revolution its axial part.
+    """Return the sum of forces over all ranks. Collective.
+
+    For a body of revolution the radial component is 0.
 
     Args:
         eq: contact problem.
@@ -163,10 +167,10 @@ class PairBalance:
     Attributes:
         slave: resultant on the slave, shape (dim,).
         master: resultant on the master, shape (dim,).
-        imbalance: |slave + master| over the sum of the magnitudes of all nodal forces.
+        imbalance: norm of the sum of all nodal forces, divided by the sum of their magnitudes.
         moment: norm of the moment of all nodal forces, divided by the sum of their magnitudes and
-            by the size of the faces; None if the faces do not coincide, and for bodies of
-            revolution.
+            by the diagonal of the bounding box of the slave; None for bodies of revolution, and in
+            small sliding if the faces do not coincide.
     """
 
     slave: Array
@@ -175,7 +179,7 @@ class PairBalance:
     moment: float | None
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers for `summary.json`."""
+        """Return resultants and imbalances as a dictionary for `summary.json`."""
         return {
             "slave": self.slave.tolist(),
             "master": self.master.tolist(),
@@ -185,13 +189,19 @@ class PairBalance:
 
 
 def pair_forces(eq: ContactEquations, number: int, evaluation: Evaluation) -> Array:
-    """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective."""
+    """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective.
+
+    Args:
+        eq: contact problem.
+        number: index of the surface.
+        evaluation: evaluation of the state.
+    """
     contact = evaluation.surfaces[number]
     return contact.kinematics.operator.transpose(contact.traction).reshape(-1, eq.dim)
 
 
 def pair_balance(eq: ContactEquations, number: int, evaluation: Evaluation) -> PairBalance:
-    """Compute the balance of a pair at a state. Collective.
+    """Compute the balance of the contact forces of a pair at a state. Collective.
 
     Args:
         eq: contact problem.
@@ -223,7 +233,7 @@ def pair_balance(eq: ContactEquations, number: int, evaluation: Evaluation) -> P
 
 
 def _apart(s: DiscreteSurface, x: Array) -> float:
-    """Return the largest distance of a slave node from its opposing point. Collective.
+    """Return the largest distance between a slave node and its opposing point. Collective.
 
     Args:
         s: pair.
@@ -262,26 +272,29 @@ class RigidBodyResult:
 
     @property
     def displacement(self) -> Array:
-        """Displacement of the reference point, shape (dim,)."""
+        """Displacement of the reference point of the rigid body, shape (dim,)."""
         return self.motion[: self.dim]
 
     @property
     def rotation(self) -> Array:
-        """Rotation in radians, shape (1,) in 2D and (3,) in 3D."""
+        """Rotation of the rigid body in radians, shape (1,) in 2D and (3,) in 3D."""
         return self.motion[self.dim :]
 
     @property
     def force(self) -> Array:
-        """Contact force on the body, shape (dim,)."""
+        """Contact force on the rigid body, shape (dim,)."""
         return self.contact[: self.dim]
 
     @property
     def moment(self) -> Array:
-        """Contact moment on the body, shape (1,) in 2D and (3,) in 3D."""
+        """Contact moment on the rigid body, shape (1,) in 2D and (3,) in 3D.
+
+        It is taken about the reference point.
+        """
         return self.contact[self.dim :]
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers by component for `summary.json`."""
+        """Return motion and forces, by component, as a dictionary for `summary.json`."""
         return {
             name: {c: float(v) for c, v in zip(self.components, values, strict=True)}
             for name, values in (
@@ -294,7 +307,7 @@ class RigidBodyResult:
 
 
 def rigid_body_results(eq: ContactEquations, evaluation: Evaluation) -> dict[str, RigidBodyResult]:
-    """Return motions of the rigid bodies and forces on them at a state, by name."""
+    """Return the motion of each rigid body and the forces on it at a state, by name."""
     found = {}
     rigid = eq.rigid
     assert evaluation.pushes is not None

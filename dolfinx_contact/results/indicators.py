@@ -182,7 +182,11 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def _exceeding(values: Mapping[str, float | None]) -> dict[str, str]:
-    """Return messages about the indicators that exceed their thresholds, by name."""
+    """Return messages about the indicators that exceed their thresholds, by name.
+
+    Args:
+        values: indicators by name; None for indicators that are not evaluated.
+    """
     return {
         name: _MESSAGES[name].format(value)
         for name, value in values.items()
@@ -196,7 +200,7 @@ class SurfaceIndicators:
 
     Attributes:
         facet: mean facet size, a length.
-        misfit: error of the gap, a length; None if the obstacle is unknown at displaced points.
+        misfit: error of the gap; None if the obstacle is unknown at displaced points.
         slip: slip since the undeformed state, relative to the facet size of the other face.
         turn: rotation of the contact normals, in degrees.
         slip_in_step: slip in a step, relative to the facet size of the other face.
@@ -219,7 +223,7 @@ class SurfaceIndicators:
         pressure: mean pressure of the closed points of a linear body, relative to its modulus.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
             to the largest one.
-        penetration: largest depth, a length; None if the law is not compliant.
+        penetration: largest depth of penetration; None if the law is not compliant.
     """
 
     facet: float
@@ -243,7 +247,7 @@ class SurfaceIndicators:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Return messages about the indicators that exceed their thresholds, by name."""
+        """Messages about the indicators that exceed their thresholds, by name."""
         values = {**vars(self)}
         facet = values.pop("facet")
         for name in _LENGTHS:
@@ -260,14 +264,15 @@ class StepIndicators:
         number: index of the step.
         start: time at the start of the step.
         time: time at the end of the step.
-        speed: rate of change of all unknowns, relative to the previous step.
-        residue: energy residue of the step relative to the energy exchanged in the step; positive
-            for the energy released by a jump.
+        speed: rate of change of all unknowns, divided by the rate in the previous step.
+        residue: energy of the step that is neither stored nor dissipated, relative to the energy
+            exchanged in the step; positive for the energy released by a jump.
         searched: whether the run itself locates jumps, so that no warning is needed.
         timed: whether a law depends on the duration of a step, so that friction may decrease with
             the slip velocity.
-        alternation: smallest of the last three changes of shear over pressure, if they alternate,
-            relative to the largest value; 0 otherwise, and for laws that do not depend on time.
+        alternation: smallest of the last three changes of the ratio of shear to pressure, if they
+            alternate in sign, relative to the largest ratio; 0 otherwise, and for laws that do not
+            depend on time.
     """
 
     number: int
@@ -298,13 +303,15 @@ class Indicators:
     Attributes:
         surfaces: indicators by surface name.
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
-            None for linear bodies whose displacements differ by less than the smallest extent.
-        rotation: largest mean rotation of a part of a linear body in degrees; None for others.
-        displacement: largest difference of a displacement component in a part of a linear body,
-            over the size of the part; None for others.
+            None for linear bodies whose displacements differ by less than the smallest extent of
+            the part.
+        rotation: largest mean rotation of a connected part in degrees; None for a nonlinear body
+            and for bodies of revolution.
+        displacement: largest difference of a displacement component in a connected part, divided by
+            the largest extent of the part; None for a nonlinear body.
         step: indicators of a jump within the step of a history; None for other solves, first steps
             and steps from states that are not solutions.
-        apart: smallest gap if a body has moved and no contact point touches under the static law;
+        apart: smallest gap if, under the static law, a body has moved and no contact point touches;
             None otherwise.
         floating: rigid motions of moved bodies that are restrained only by contact without force;
             "" if there are none.
@@ -337,7 +344,7 @@ class Indicators:
 
 
 def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
-    """Return the indicators of a state in the Functions. Collective."""
+    """Return the indicators of model validity at the state in the user's Functions. Collective."""
     surfaces = surface_indicators(eq, evaluation)
     apart, floating = _apart(eq, evaluation), _floating(eq, evaluation)
     if eq.bulk.linear:
@@ -356,7 +363,11 @@ def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
 
 
 def alternation(tables: Sequence[ContactTable]) -> float:
-    """Return the indicator `alternation` of a surface.
+    """Return the indicator of friction that alternates from step to step.
+
+    It is the smallest of the last three changes of the ratio of shear to pressure, divided by the
+    largest of the last four ratios, if the changes alternate in sign and the shear does not;
+    otherwise 0.
 
     Args:
         tables: tables of the surface at the ends of the last steps, in order of time.
@@ -377,10 +388,10 @@ def alternation(tables: Sequence[ContactTable]) -> float:
 
 
 def _apart(eq: ContactEquations, evaluation: Evaluation) -> float | None:
-    """Return the smallest gap of a moved body that touches nothing, or None. Collective.
+    """Return the smallest gap if a body has moved and touches nothing, otherwise None.
 
     The faces of a crack, and a face that may touch itself, belong to one body and may stay open.
-    Displacements and gaps that are round-off of the body size count as zero.
+    Displacements and gaps that are round-off of the body size count as zero. Collective.
     """
     if not eq.is_static:
         return None
@@ -406,7 +417,10 @@ def _within_one_part(eq: ContactEquations, s: DiscreteSurface) -> bool:
 
 
 def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return the rigid motions that only contact without force holds. Collective."""
+    """Describe the rigid motions that are restrained only by contact without force. Collective.
+
+    The result is "" if there are none, or if no body that can move has moved.
+    """
     scaling = eq.scaling
     if not len(scaling.loose):
         return ""
@@ -425,15 +439,15 @@ def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
 
 
 def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
-    """Return the smallest det(I + grad u). Collective."""
+    """Return the smallest determinant of the deformation gradient in the body. Collective."""
     return smallest_jacobian(eq.V, evaluation.u, axisymmetric=eq.axisymmetric)[0]
 
 
 def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return why small sliding is not valid for the state in the Functions; "" if it is valid.
+    """Return the reasons why small sliding is not valid at a state; "" if it is. Collective.
 
-    Proofs reject such a state, because the discrete problem differs from the problem of the
-    displaced bodies. Collective.
+    Proofs reject a state with such a reason, because the discrete problem differs from the problem
+    of the displaced bodies.
     """
     found = {
         s.name: _of_small_sliding(eq, s, evaluation, contact, clamped)
@@ -495,7 +509,7 @@ def _of_surface(
 def _contacts(
     eq: ContactEquations, evaluation: Evaluation
 ) -> list[tuple[DiscreteSurface, SurfaceEvaluation, Mask]]:
-    """Return surfaces, their evaluations, and masks of the points clamped by Dirichlet data."""
+    """Return each surface, its evaluation, and the mask of points clamped by Dirichlet data."""
     clamped = [c.clamped_points for c in eq.constraints.surfaces]
     return list(zip(eq.surfaces, evaluation.surfaces, clamped, strict=True))
 
@@ -503,9 +517,10 @@ def _contacts(
 def _negative_bound(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the magnitude of the most negative friction bound over the largest nodal force.
+    """Return the magnitude of the most negative friction bound of closed points. Collective.
 
-    Only closed points count. The result is 0 at rest, where all forces are round-off.
+    The bound is expressed as a nodal force and divided by the largest nodal contact force. The
+    result is 0 at rest, where all forces are round-off.
     """
     areas = s.points.areas
     below = maximum(s.comm, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
@@ -518,10 +533,10 @@ def _negative_bound(
 def _growth(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
-    Points with nearly equal initial gaps close simultaneously: they move together before contact,
-    and this motion does not count. Differences of gaps are compared with the compression of the
-    body next to the points, since displacements elsewhere may be large. The obstacle may have been
-    moved since the start, as a load or to another position.
+    Points with nearly equal initial gaps close simultaneously and are not counted, because they
+    move together before contact. Differences of gaps are compared with the compression of the body
+    near the points, since displacements far away may be large. The obstacle may have been moved
+    since the start, as a load or to another position.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0
@@ -578,7 +593,13 @@ def _normal_forces(contact: SurfaceEvaluation, areas: Array) -> Array:
 
 
 def _ratio_of_sums(comm: MPI.Comm, part: float, whole: float) -> float:
-    """Return the ratio of two sums over all ranks; 0 if the denominator is 0. Collective."""
+    """Return the ratio of two sums over all ranks; 0 if the denominator is 0. Collective.
+
+    Args:
+        comm: communicator.
+        part: contribution of this rank to the numerator.
+        whole: contribution of this rank to the denominator.
+    """
     parts, wholes = comm.allreduce(np.array([part, whole]))
     return float(parts / wholes) if wholes > 0 else 0.0
 
@@ -598,7 +619,17 @@ def _of_small_sliding(
     contact: SurfaceEvaluation,
     clamped: Mask,
 ) -> SurfaceIndicators:
-    """Return misfit, slip and turn of a surface. Collective."""
+    """Return the indicators of a surface that test small sliding. Collective.
+
+    They are `misfit` and, for a pair, `slip` and `turn`.
+
+    Args:
+        eq: contact problem.
+        s: contact surface.
+        evaluation: evaluation of the state.
+        contact: part of the evaluation on this surface.
+        clamped: mask of the points clamped by Dirichlet data.
+    """
     found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
     if s.between_bodies and not s.slides:
         return _of_pair(s, evaluation, contact, clamped, found)
@@ -612,10 +643,10 @@ def _of_small_sliding(
 
 
 def _off(law: Array, true: Array, is_closed: Mask) -> Array:
-    """Return the gap errors of the law.
+    """Return the errors of the gaps used by the law, shape (n,).
 
-    At closed points, they are the magnitudes of the differences between both gaps; at open points,
-    the true penetrations, which the law does not contain.
+    At closed points, the error is the magnitude of the difference between the two gaps. At open
+    points, it is the part of the true penetration that is missing in the gap of the law.
 
     Args:
         law: gaps of the law, shape (n,).
@@ -633,7 +664,15 @@ def _of_pair(
     clamped: Mask,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
-    """Return the indicators of a pair in small sliding. Collective."""
+    """Return the indicators of a pair in small sliding: `misfit`, `slip` and `turn`. Collective.
+
+    Args:
+        s: pair.
+        evaluation: evaluation of the state.
+        contact: part of the evaluation on this pair.
+        clamped: mask of the points clamped by Dirichlet data.
+        found: indicators in which the three values are replaced.
+    """
     at = contact.kinematics
     n = s.points.data.n
     jump = at.jump + at.reference
@@ -680,7 +719,11 @@ def _of_pair(
 
 
 def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the slip in a step over the larger facet size of body and obstacle. Collective."""
+    """Return the largest slip in a step on a rigid surface of facets. Collective.
+
+    The slip is divided by the mean facet size of the body or of the obstacle, whichever is larger.
+    For other obstacles the result is 0.
+    """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return 0.0
@@ -690,11 +733,12 @@ def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 
 
 def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Largest change of normal of points whose path leads through the obstacle. Collective.
+    """Return the largest change of the normal at points that pass through the obstacle.
 
-    A path leads through the obstacle if the normal changes by more than a right angle and an
-    intermediate position lies inside the obstacle, all in the frame of the obstacle. The
-    intermediate position divides the path in the ratio of the gaps at its two ends.
+    The result is an angle in degrees. The path of a point in the step leads through the obstacle if
+    the normal changes by more than a right angle and an intermediate position lies inside the
+    obstacle, all in the frame of the obstacle. The intermediate position divides the path in the
+    ratio of the gaps at its two ends. Collective.
     """
     at, shape = contact.kinematics, s.displaced
     if shape is None or at.place is None:
@@ -719,7 +763,11 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 def _approach(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the largest approach of unopposed points over the search distance. Collective."""
+    """Return the largest approach, in a step, of slave points without an opposing point.
+
+    The approach is measured along the normal, relative to the mean motion of the master, and
+    divided by the search distance. Collective.
+    """
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     moved: Array = evaluation.u[: n * eq.dim].reshape(-1, eq.dim)
@@ -737,7 +785,10 @@ def _approach(
 
 
 def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Largest depth of nodes of both faces behind planes of symmetry, a length. Collective."""
+    """Return the largest depth of nodes of both faces behind planes of symmetry. Collective.
+
+    The depth is a length.
+    """
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     faces = np.logical_or(*opposite.sides)[:n]
@@ -751,12 +802,13 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluati
 
 
 def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Largest rotation in a step of a connected part of a face over the other one. Collective.
+    """Return the largest rotation, in a step, of a face over the other one. Collective.
 
-    Between bodies the rotation is the root mean square of the angles at the points. On obstacles it
-    is the rotation of the points about their mean normal, by least squares. Weights are the normal
-    forces. Linear bodies in small sliding are not tested, because their displacements are small by
-    assumption, at any scale.
+    The result is in degrees, for each connected part of the face. In a pair the rotation is the
+    root mean square of the angles at the points. On an obstacle it is the rotation of the points
+    about their mean normal, by least squares. The weights are the normal forces. Pairs in small
+    sliding, and linear bodies in small sliding on an obstacle that does not rotate, are not tested,
+    because small displacements are assumed there.
     """
     turns = s.rigid_body is not None and s.rigid_body.turns
     small = s.between_bodies or (eq.bulk.linear and s.displaced is None and not turns)
@@ -791,15 +843,18 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
 
 
 def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Relative depth of the obstacle in a facet between its contact points. Collective."""
+    """Return the largest depth of the obstacle in a facet between contact points. Collective.
+
+    The depth is relative; see `_deepest`.
+    """
     return maximum(s.comm, _deepest(s, evaluation.u.reshape(-1, s.dim)))
 
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
-    """Return the largest depth of parts of the obstacle in facets of this rank.
+    """Return the largest depth of the obstacle in the facets of this rank.
 
-    These parts are corners, edges, spheres and cylinders. Depths are relative to the facet size, or
-    to the radius if that is smaller.
+    The depth is evaluated for corners and edges of a rigid surface, spheres and cylinders. It is
+    relative to the facet size, or to the radius if that is smaller.
     """
     now, cells, normals = s.points.facets.simplices(u)
     if not len(cells):
@@ -829,7 +884,17 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
 
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
-    """Return points of the displaced obstacle, shape (n, dim), and the radius around them."""
+    """Return points of the displaced obstacle that may lie in a facet, and a radius.
+
+    For a rigid surface, these are its points, and points on its creases and rims, with the radius
+    0; for a sphere, its centre; for a cylinder, points on its axis. For other obstacles there are
+    no points. The shape is (n, dim).
+
+    Args:
+        s: contact surface.
+        box: lowest and highest coordinates of the facets.
+        spacing: largest distance between points on an edge or axis.
+    """
     shape = shape_of(s.obstacle)
     if isinstance(shape, RigidSurface):
         points = shape.points + s.partner.dragged(shape.points)
@@ -855,7 +920,7 @@ def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tup
 
 
 def _between(a: Array, b: Array, spacing: float) -> Array:
-    """Return points from a to b, at most one spacing apart, shape (n, dim)."""
+    """Return points on the segment from a to b, at most ``spacing`` apart, shape (n, dim)."""
     number = int(np.ceil(np.linalg.norm(b - a) / spacing)) + 1
     return np.asarray(np.linspace(a, b, number))
 
@@ -871,9 +936,10 @@ def _numbers(given: Any) -> Array | None:
 
 
 def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the largest initial depth of closed points. Collective.
+    """Return the largest initial penetration of closed points into an obstacle. Collective.
 
-    The depth is divided by the smallest extent of the body.
+    It is divided by the smallest extent of the body. The result is 0 with an interference or a
+    removed overlap, and if the obstacle has moved.
     """
     given = s.description
     if given.interference is not None or given.remove_overlap is not None:
@@ -887,9 +953,9 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluatio
 def _beside(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the largest depth of nodes off the contact surfaces. Collective.
+    """Return the largest depth in the obstacle of boundary nodes on no contact surface.
 
-    The depth is divided by the local compression.
+    The depth is divided by the local compression (`_compression`). Collective.
     """
     compression = _compression(eq, s, contact)
     if compression == 0.0:
@@ -907,9 +973,10 @@ def _beside(
 
 
 def _facets(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the mean height of the smooth surface above touched facets. Collective.
+    """Return the mean height of the smooth surface above the touched facets. Collective.
 
-    The height is divided by the local compression.
+    The weights of the mean are the normal forces. The height is divided by the local compression
+    (`_compression`). Facets that are not wider than those of the body have the height 0.
     """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
@@ -936,9 +1003,9 @@ def _across(
     contact: SurfaceEvaluation,
     clamped: Mask,
 ) -> float:
-    """Fraction of the normal forces at points with deviating normals of face and obstacle.
+    """Return the fraction of the normal forces at points with deviating normals. Collective.
 
-    Normals deviate if they enclose more than 66 degrees. Collective.
+    The normals of face and obstacle deviate if they enclose more than 66 degrees.
     """
     u = evaluation.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)

@@ -24,12 +24,13 @@ class OuterSurface:
 
     Attributes:
         x: coordinates of the vertices, shape (n, 3).
-        nodes: increasing numbers of the vertices in the input mesh, shape (n,).
-        cells: vertices of the boundary facets in 3D, of all cells in 2D, one row per facet or cell.
+        nodes: numbers of the vertices in the input mesh, in increasing order, shape (n,).
+        cells: vertices of the boundary facets in 3D, or of all cells in 2D, one row per facet or
+            cell.
         contact: vertices of the facets of each contact surface, by name.
         opposite: vertices of the facets of the master of each pair, by name.
-        obstacles: facets of the obstacle of each surface that is not a pair, by name. Their
-            vertices are those of `SurfaceState.obstacles`.
+        obstacles: facets of the obstacle of each surface that is not a pair, by name, as rows of
+            indices of the vertices in `SurfaceState.obstacles`.
     """
 
     x: Array
@@ -42,11 +43,11 @@ class OuterSurface:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceState:
-    """Position of the outer surface and of obstacles at a state, with the contact tables.
+    """State of the outer surface and of obstacles, with the contact tables.
 
     Attributes:
         u: displacement of the vertices, shape (n, dim).
-        strain: equivalent strain at the vertices, shape (n,); see `Outside`.
+        strain: equivalent strain at the vertices, shape (n,); see `io.outside.Outside`.
         obstacles: for each surface that is not a pair, by name: positions, displacements and
             normals of the m vertices of its obstacle, shape (3, m, dim).
         tables: columns of the `ContactTable` of each contact surface, by name.
@@ -71,7 +72,7 @@ def flat(data: Mapping[str, Any], start: str = "") -> Arrays:
 
 
 def nested(arrays: Arrays) -> dict[str, Any]:
-    """Return the nested dictionaries flattened by `flat`, without empty dictionaries."""
+    """Return the nested dictionaries that `flat` has flattened; empty dictionaries are lost."""
     found: dict[str, Any] = {}
     for name, values in arrays.items():
         *parents, key = map(unquote, name.split("/"))

@@ -69,22 +69,24 @@ class Result:
     Attributes:
         tables: contact points by surface name.
         attempts: strategies tried; the last one converged.
-        energies: ``bulk``, the user's energy including the load potential (absent if the problem
-            was given as a residual), and ``friction``, the frictional dissipation -sum(rt . ut); in
-            a step of an evolution ut is replaced by its increment.
+        energies: ``bulk``, the energy of the bulk form including the load potential (absent if the
+            problem was given as a residual), and ``friction``, the frictional dissipation
+            -sum(rt.ut) with the tangential forces rt (without adhesion) and the tangential
+            displacements ut; in a step of an evolution, ut is replaced by its increment.
         kkt_violation: largest violation of the contact law, relative to the force and length
             scales.
         dofs: number of unknowns, including multipliers.
-        support: resultant of the reactions of all Dirichlet data on the body, shape (dim,).
+        support: resultant of the reactions at all Dirichlet dofs of the body, shape (dim,).
         supports: reaction of each condition of `ContactProblem.bcs`, in this order, shape
-            (conditions, dim). A dof in several conditions belongs to the last of them, whose value
-            holds; the rows therefore add up to ``support``.
+            (conditions, dim). The reaction of a dof in several conditions is attributed to the last
+            of them, whose value is used; the rows therefore add up to ``support``.
         support_displacements: mean displacement of the nodes of each condition, shape (conditions,
-            dim); NaN in components that it does not hold.
+            dim); NaN in components that the condition does not prescribe.
         external: resultant of the remaining forces on the body, i.e. loads and springs of the bulk
             form, shape (dim,).
-        imbalance: |contact + support + external| over the sum of the magnitudes of all forces. The
-            three resultants are computed independently (`balance`). Moments are not compared.
+        imbalance: norm of the sum of contact, support and external forces, divided by the sum of
+            the magnitudes of all forces. The three resultants are computed independently
+            (`balance`). Moments are not compared.
         pairs: forces on both faces of every pair of bodies, by name (`balance.PairBalance`).
         indicators: indicators of model validity of the body and of each surface.
         rigid_bodies: motions of the rigid bodies and the forces on them, by name.
@@ -133,7 +135,7 @@ class Result:
 
     @property
     def converged(self) -> bool:
-        """Always True, because a failed solve raises an error."""
+        """Whether the solve converged; always True, because a failed solve raises an error."""
         return self.attempts[-1].converged
 
     @property
@@ -143,12 +145,12 @@ class Result:
 
     @property
     def iterations(self) -> int:
-        """Iterations of all attempts."""
+        """Total number of Newton iterations of all strategies tried."""
         return sum(a.iterations for a in self.attempts)
 
     @property
     def history(self) -> list[Step]:
-        """Iterates of the attempt that converged."""
+        """Newton iterates of the strategy that converged."""
         return self.attempts[-1].steps
 
     @property
@@ -176,13 +178,16 @@ class Result:
 
     @property
     def misfit(self) -> float | None:
-        """Largest error of the gap in small sliding, a length (`misfit`); None if not evaluated."""
+        """Largest error of the gap in small sliding (`misfit`); None if it was not evaluated."""
         misfits = (s.misfit for s in self.indicators.surfaces.values())
         return max((v for v in misfits if v is not None), default=None)
 
     @property
     def min_det_F(self) -> float | None:
-        """Smallest det(I + grad u) of a nonlinear body; None for a linear one."""
+        """Smallest det(I + grad u) of the body; None if it was not evaluated.
+
+        It is not evaluated for linear bodies with small displacements (`Indicators.min_det_F`).
+        """
         return self.indicators.min_det_F
 
     def summary(self, uniqueness: Uniqueness | None = None) -> dict[str, Any]:
@@ -222,11 +227,11 @@ class Result:
 
 
 def _shown(vector: Array, largest: float) -> str:
-    """Return the components of a force as text; components of the size of round-off are 0.
+    """Return the components of a force as text; components that are round-off are 0.
 
     Args:
-        vector: components.
-        largest: largest force, which determines the round-off.
+        vector: components of the force.
+        largest: largest force, which determines the magnitude of the round-off.
     """
     return "(" + ", ".join(as_text(v, largest) for v in vector) + ")"
 
@@ -302,7 +307,7 @@ def collect(
 def _scales_of_law(
     eq: ContactEquations, evaluation: Evaluation, tables: Collection[ContactTable]
 ) -> Scales:
-    """Return the force and length scales for the violation of a law. Collective."""
+    """Return the force and length scales for the relative violation of a law. Collective."""
     assert evaluation.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
     contacts = zip(eq.surfaces, evaluation.surfaces, eq.scaling.at_vertices, strict=True)

@@ -5,10 +5,10 @@ The fields are piecewise linear Functions on the mesh of the surface: displaceme
 on the body with its normal and tangential parts, gap, slip (the tangential displacement), status,
 and the support, i.e. the reaction of Dirichlet data per area, which is not a contact traction.
 
-The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
-integral method the contact points are Gauss points; a vertex then has the status that prevails on
-the surface around it (weighted by its hat function), while traction, gap and slip are values at the
-vertex.
+The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. With
+``method="integral"`` the contact points are Gauss points; a vertex then has the status that
+prevails on the surface around it (weighted by its hat function), while traction, gap and slip are
+values at the vertex.
 """
 
 from __future__ import annotations
@@ -142,7 +142,17 @@ def _statuses(eq: ContactEquations, number: int, is_open: Array, slips: Array) -
 def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, slip_at_points: Array
 ) -> dict[str, Array]:
-    """Return values at the vertices themselves instead of means around them. Collective."""
+    """Return gap, slip, normal and traction at the vertices of a surface. Collective.
+
+    They are values at the vertices themselves, not means around them, except for the slip in large
+    sliding.
+
+    Args:
+        eq: contact problem.
+        s: contact surface with ``method="integral"``.
+        evaluation: evaluation of the state in the Functions.
+        slip_at_points: slip at the contact points, shape (n, dim).
+    """
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_nodes]
     gap, n = s.at_vertices(u)

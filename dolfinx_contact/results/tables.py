@@ -73,10 +73,10 @@ class ContactTable:
         letters: status of each point: o (open), k (stick), + or - (slip in 2D, by the sign of
             u_t), s (slip in 3D), or d (no contact law at the point, because it is clamped by
             Dirichlet data, at a crack front, at a crossing of pairs, or without an opposing point).
-        bound: friction bound (radius of the friction disc), a force, shape (n,).
+        bound: friction bound (radius of the friction disc), in units of force, shape (n,).
         support: reaction of Dirichlet data on the body at the node, shape (n, dim); 0 in free
-            components and in the integral method, whose contact points are not nodes. If a node is
-            shared by two surfaces, both tables contain its full reaction.
+            components and with ``method="integral"``, where contact points are not nodes. If a node
+            is shared by two surfaces, both tables contain its full reaction.
         adhesion: part of ``force`` due to adhesion or another surface energy, shape (n, dim); None
             for other laws.
         bond: state of the bond of each point: i (unchanged in the step), w (weakened), r
@@ -85,8 +85,8 @@ class ContactTable:
             ``beta``, shape (n,) each.
         axisymmetric: whether forces and areas are integrals over the circumference of a body of
             revolution.
-        slid: slip distance accumulated in an evolution, a length, shape (n,); None for laws that do
-            not depend on it.
+        slid: slip distance accumulated in an evolution, shape (n,); None for laws that do not
+            depend on it.
     """
 
     name: str
@@ -119,7 +119,7 @@ class ContactTable:
         )
 
     def resultant(self, forces: Array) -> Array:
-        """Return the sum of forces; only the axial part for bodies of revolution.
+        """Return the sum of forces at the points; only the axial part for bodies of revolution.
 
         The radial forces on a body of revolution sum to zero.
 
@@ -131,12 +131,12 @@ class ContactTable:
 
     @property
     def rn(self) -> Array:
-        """Normal forces, positive in compression, shape (n,)."""
+        """Normal forces on the body, positive in compression, shape (n,)."""
         return -dot(self.force, self.n) + 0.0
 
     @property
     def rt(self) -> Array:
-        """Tangential forces, shape (n, dim)."""
+        """Tangential forces on the body, shape (n, dim)."""
         return tangential(self.force, self.n)
 
     @property
@@ -146,21 +146,21 @@ class ContactTable:
 
     @property
     def rn_adh(self) -> Array:
-        """Normal forces of adhesion, negative in tension, shape (n,)."""
+        """Normal forces of adhesion, negative in tension, shape (n,); 0 without adhesion."""
         if self.adhesion is None:
             return np.zeros_like(self.un)
         return -dot(self.adhesion, self.n) + 0.0
 
     @property
     def friction(self) -> Array:
-        """Tangential forces without adhesion, shape (n, dim)."""
+        """Tangential forces on the body without those of adhesion, shape (n, dim)."""
         if self.adhesion is None:
             return self.rt
         return self.rt - tangential(self.adhesion, self.n)
 
     @property
     def status(self) -> str:
-        """Status letters of all points as a string, see `letters`."""
+        """Status letters of all points as one string; see the attribute ``letters``."""
         return "".join(self.letters)
 
     @property
@@ -182,8 +182,8 @@ class ContactTable:
         """Return the columns of ``contact.csv`` by name, shape (n,) each.
 
         Vectors are split into three components; components along z are 0 in 2D. Laws with adhesion
-        add ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws depending on the slip
-        distance add ``slid``.
+        add its normal force ``rn_adh``, its tangential force ``rt_adh``, the internal variables of
+        the law, and ``bond``. Laws depending on the slip distance add ``slid``.
         """
         vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
         parts = {
@@ -217,11 +217,13 @@ class ContactTable:
         return optional("pandas", "records").DataFrame(self.columns())
 
     def count(self, letters: str) -> int:
-        """Return the number of points whose status letter is one of ``letters``."""
+        """Return the number of points whose status letter is in the string ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
 
     def along(self, vectors: Array) -> Array:
         """Return tangential vectors as scalars: components along t in 2D, norms in 3D.
+
+        In 2D, t = (-n_y, n_x) is the tangent for the normal n.
 
         Args:
             vectors: tangential vectors at the points, shape (n, dim).
@@ -234,10 +236,10 @@ class ContactTable:
 def contact_table(
     eq: ContactEquations, number: int, evaluation: Evaluation, supports: Array
 ) -> ContactTable:
-    """Return the table of a surface at a state. Collective.
+    """Return the table of the contact points of a surface at a state. Collective.
 
-    Where Dirichlet data prescribe the whole tangential displacement, the support replaces friction:
-    the bound is 0, and the letter describes the prescribed motion.
+    If Dirichlet data prescribe the whole tangential displacement of a point, the support replaces
+    friction: the friction bound is 0, and the status letter describes the prescribed motion.
 
     Args:
         eq: contact problem.
@@ -320,12 +322,13 @@ def contact_tables(
 def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length: float) -> float:
     """Return the largest violation of the contact laws, relative to ``force``. Collective.
 
-    The violation is measured by the natural residual t - tau(j, t) at all points that are not
-    clamped, which vanishes if and only if the law holds. The augmentation parameter is chosen such
-    that a gap of ``length`` is equivalent to ``force``. Points without an admissible status also
-    count as violations. If several statuses are admissible, for example in a law that softens with
-    a slope larger than this parameter, the status of the state is used. In the integral method,
-    whose conditions are weak, the violation includes the discretisation error.
+    The violation is measured by the natural residual at all points that are not clamped: the
+    traction minus the traction that the law determines from the jump and the traction. The residual
+    vanishes if and only if the law holds. Its augmentation parameter is chosen such that a gap of
+    ``length`` is equivalent to ``force``. Points without an admissible status also count as
+    violations. If several statuses are admissible, for example in a law that softens with a slope
+    larger than this parameter, the status of the state is used. With ``method="integral"``, where
+    the conditions are weak, the violation includes the discretisation error.
 
     Args:
         eq: contact problem.
@@ -355,16 +358,24 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
 
 
 def friction_bound(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
-    """Return the radius of the friction disc at the pressure of the law, shape (n,).
+    """Return the radius of the friction disc per area at each point, shape (n,).
 
-    It is 0 at points without friction.
+    The radius is evaluated at the pressure that the contact law determines. It is 0 at points
+    without friction and, unless open points may carry traction, at open points.
+
+    Args:
+        s: contact surface.
+        contact: evaluation of the surface.
     """
     acts = closed(contact.answers.required) | (not s.law.needs_pressure)
     return np.where(acts, np.maximum(contact.answers.bound, 0.0), 0.0)
 
 
 def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.str_]:
-    """Return status letters; at frictionless points in 2D, the sign of the sliding direction."""
+    """Return the status letters of the points of a surface, shape (n,).
+
+    At frictionless points in 2D, the letter is the sign of the sliding direction.
+    """
     touching = closed(contact.statuses)
     codes = without_damage(contact.statuses)
     letters = np.where(touching, status.letters(s.dim)[codes], "o")
@@ -381,7 +392,7 @@ def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.s
 def _letters_of_bonds(
     s: DiscreteSurface, contact: SurfaceEvaluation, internal: dict[str, Array]
 ) -> npt.NDArray[np.str_]:
-    """Return the letters of `ContactTable.bond`."""
+    """Return the letters for the states of the bonds, shape (n,); see `ContactTable`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")
     x = s.law.weakening
     if x is not None:
@@ -391,7 +402,7 @@ def _letters_of_bonds(
 
 
 def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_]:
-    """Return the letters of closed points from their tangential motion.
+    """Return letters of closed points that describe their tangential motion, shape (n,).
 
     Args:
         ut: tangential displacements, shape (n, dim).
@@ -411,7 +422,7 @@ def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_
 def support_at_nodes(eq: ContactEquations, state: Evaluation) -> Array:
     """Return the Dirichlet reactions on the body at the local nodes, shape (n, dim). Collective.
 
-    They are 0 in free components.
+    Components without Dirichlet data are 0.
     """
     reaction = fem.Function(eq.V)
     owned = eq.owned_sizes[0]
@@ -427,10 +438,10 @@ def forces_at_vertices(
     trace: Indices,
     forces: Array,
 ) -> Array:
-    """Lump nodal forces onto the local vertices of a surface. Collective.
+    """Distribute nodal forces to the local vertices of a surface. Collective.
 
-    The hat functions of the vertices distribute the force of a node between vertices, so the sum
-    over the surface is preserved.
+    For elements of higher degree, the force at a node is divided between vertices in the ratio of
+    their hat functions at the node. The sum over the surface is thus preserved.
 
     Args:
         V: displacement space.
@@ -461,7 +472,7 @@ def forces_at_vertices(
 
 
 def _hats(V: fem.FunctionSpace) -> tuple[Array, list[int]]:
-    """Return the hat functions of a cell at its nodes.
+    """Return the linear hat functions of a cell, evaluated at the nodes of a space.
 
     Returns:
         Values, shape (nodes, vertices), and numbers of the nodes at the vertices.

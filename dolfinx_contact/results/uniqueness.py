@@ -40,19 +40,19 @@ class Uniqueness:
 
 
 def check_seconds(a: Arguments) -> None:
-    """Validate ``proof_seconds``, a non-negative number, possibly infinite."""
+    """Validate the time limit ``proof_seconds`` in seconds: non-negative, possibly infinite."""
     a.proof_seconds = nonnegative(a.proof_seconds, "proof_seconds", infinite=True)
 
 
 @collective("seconds", check_seconds)
 def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
-    """Validate the time limit of a proof; raise ``ValueError`` on every rank. Collective."""
+    """Return a validated time limit; raise ``ValueError`` on every rank if invalid. Collective."""
     return proof_seconds
 
 
 @dataclass(frozen=True)
 class Theory:
-    """Existence and uniqueness of solutions of a discrete contact problem under any load.
+    """Theorems on existence and uniqueness for a discrete contact problem under any load.
 
     Attributes:
         exists: whether a theorem guarantees a solution; False if no theorem applies.
