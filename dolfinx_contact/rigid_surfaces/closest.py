@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Closest points on segments and triangles.
 
-The projection of a point onto the plane of a triangle lies inside the triangle if the area vectors
-of its three parts, each opposite to a corner, have the orientation of the triangle. Otherwise the
-closest point is on an edge. Products of area vectors are computed from scalar products of edges.
-Slivers are an exception, because terms of the size of the fourth power of the longest edge would
-cancel. If the closest point is on an edge or corner, the barycentric coordinates of all other
-corners are exactly zero.
+The projection of a point onto the plane of a triangle forms another triangle with each edge. It
+lies inside the triangle if the area vectors of these three triangles have the orientation of the
+whole triangle. Otherwise the closest point is on an edge. Scalar products of these area vectors are
+computed from scalar products of edges. Slivers are an exception, because terms of the magnitude of
+the fourth power of the longest edge would cancel. If the closest point is on an edge or corner, the
+barycentric coordinates of all other corners are exactly zero.
 
-A search examines few facets. Every facet is covered by a ball, large facets by several balls. If a
-facet has the distance d and its ball the radius r, the centre of the ball is within d + r of the
-point. The facets of the nearest balls give an upper bound of d; other facets are examined only if
-they may be closer.
+A search examines few facets. Every facet is covered by a ball, a large facet by several balls. If a
+facet has the distance d from a point and its ball the radius r, the centre of the ball is within d
++ r of the point. The facets of the nearest balls give an upper bound of the smallest distance;
+other facets are examined only if they may be closer.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets
 
 
 def closest_on(x: Array, corners: Array) -> Array:
-    """Return the barycentric coordinates of the closest points on n simplices, shape (n, k).
+    """Return the closest point on each of n simplices, as barycentric coordinates, shape (n, k).
 
     Args:
         x: points, one for each simplex, shape (n, dim).
@@ -67,10 +67,15 @@ def closest_on(x: Array, corners: Array) -> Array:
 
 
 def _parts(x: Array, corners: Array) -> Array:
-    """Return products of the area vector of each triangle and of its parts, shape (n, 3).
+    """Return barycentric coordinates of projections onto n triangles, not normalised, shape (n, 3).
 
-    The parts are the triangles between the projection of x and two corners; entry i belongs to the
-    part opposite to corner i.
+    Entry i is, up to a positive factor common to the triangle, the scalar product of two area
+    vectors: that of the triangle, and that of the triangle formed by the projection of the point
+    and the two corners other than i.
+
+    Args:
+        x: points, one for each triangle, shape (n, 3).
+        corners: corners of the triangles, shape (n, 3, 3).
     """
     a = corners[:, 1] - corners[:, 0]
     b = corners[:, 2] - corners[:, 0]
@@ -93,14 +98,14 @@ def _parts(x: Array, corners: Array) -> Array:
 
 
 class ClosestPoints(NamedTuple):
-    """Points of a surface that are closest to given points.
+    """Closest points on a surface, for n given points.
 
     Attributes:
-        facets: indices of the facets with the closest points, shape (n,).
+        facets: indices of the facets that contain the closest points, shape (n,).
         parts: barycentric coordinates of the closest points in these facets with k corners, shape
             (n, k).
         feet: closest points, shape (n, dim).
-        distance: distances from the given points, shape (n,).
+        distance: distances between the given and the closest points, shape (n,).
     """
 
     facets: Ints
@@ -124,7 +129,11 @@ class ClosestFacets:
         self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> ClosestPoints:
-        """Return the points of the surface that are closest to ``x``, shape (n, dim)."""
+        """Return the closest point of the surface for each given point.
+
+        Args:
+            x: points, shape (n, dim).
+        """
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
         closest = self._among(x, balls.reshape(-1), np.full(len(x), count))
@@ -162,7 +171,11 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Return balls that cover all facets: centres, indices of the facets, and radii."""
+    """Return balls that cover all facets: centres, index of the facet of each ball, and radii.
+
+    Args:
+        corners: corners of the facets, shape (number of facets, k, dim).
+    """
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(balls(corners)[1])))
@@ -180,7 +193,11 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _halved(corners: Array) -> Array:
-    """Bisect the longest edge of each facet; return both halves of the facet."""
+    """Bisect each facet at its longest edge; return both halves of each, shape (2 n, k, dim).
+
+    Args:
+        corners: corners of the facets, shape (n, k, dim).
+    """
     k = corners.shape[1]
     pairs = list(combinations(range(k), 2))
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Signed distances from a surface of facets, surface normals, and their derivatives.
 
-Let c be the closest point of the surface to x. The signed distance is phi = +-|x - c|, positive
-outside. Its gradient d = (x - c)/phi equals the facet normal if c is inside a facet. If c is on an
-edge of direction t, or at a corner, x lies in the normal cone of this edge or corner, and
+Let c be the closest point of the surface to a point x. The signed distance is phi = +-|x - c|,
+positive outside. Its gradient d = (x - c)/phi equals the facet normal if c is inside a facet. If c
+is on an edge of direction t, or at a corner, x lies in the normal cone of this edge or corner, and
 
     grad d = (I - d d^T - t t^T)/phi on an edge,    (I - d d^T)/phi at a corner.
 
-The surface normal is d at creases and rims, and m/|m| elsewhere. Here m interpolates the corner
-normals of the facet with the barycentric coordinates of c, which are linear in x as long as c stays
-inside a facet or on an edge.
+The surface normal is d at creases, where the normal is discontinuous, and at the rims of an open
+surface. At other points it is m/|m|. Here m interpolates the corner normals of the facet with the
+barycentric coordinates of c, which are linear in x as long as c stays inside a facet or on an edge.
 
 Beyond the rim of an open surface the distance is positive on both sides, because points past the
-rim have left the surface; it is discontinuous for points that return from below the rim. The gap of
+rim have left the surface. It is discontinuous for points that return from below the rim. The gap of
 a sliding face is continuous instead: the face leaves an open surface gradually, within the size b
 of one of its facets. With the mean normal m at the closest point c, the height z = m.(x - c) and
 the distance a = |x - c - z m| past the rim, the gap is
@@ -74,15 +74,17 @@ def distances_from(
     ends: Array | None = None,
     removed: Array | None = None,
 ) -> Distances:
-    """Compute distances of points; NaN for points that are not finite. Not collective.
+    """Compute the signed distances of points from a surface, with normals. Not collective.
+
+    The results are NaN for points that are not finite.
 
     Args:
         surface: triangulated surface of the obstacle.
         closest: search for the closest facets of the surface.
         x: points, shape (n, dim).
-        ends: sizes b of the sliding facets at the points, shape (n,), within which points leave an
-            open surface gradually; with zero or None, points leave abruptly.
-        removed: overlaps o removed from the gaps, shape (n,); None for no overlap.
+        ends: facet sizes of the sliding face at the points, within which the points leave an open
+            surface gradually, shape (n,); with zero or None, points leave abruptly.
+        removed: overlaps removed from the gaps, shape (n,); None for no overlap.
     """
     finite: Mask = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts, feet, _ = closest(np.where(finite[:, None], x, surface.points[0]))
@@ -120,7 +122,7 @@ def distances_from(
 
 
 class _Places:
-    """Features that contain the closest points: facets, ridges (`triangulation`) or corners.
+    """Facet, ridge (`triangulation`) or corner on which each of n closest points lies.
 
     Attributes:
         zeros: number of vanishing barycentric coordinates of the closest point, shape (n,).
@@ -151,7 +153,13 @@ class _Places:
         self._take(corners, surface.of_points, points)
 
     def _take(self, where: Ints, features: Features, numbers: Ints) -> None:
-        """Assign the closest points ``where`` to the ridges or points with these ``numbers``."""
+        """Set pseudonormals and flags of closest points that lie on ridges or at corners.
+
+        Args:
+            where: indices of the closest points.
+            features: normals and flags of all ridges, or of all points, of the surface.
+            numbers: index of the ridge or point on which each closest point lies.
+        """
         self.side[where] = unit(features.normals[numbers])
         self.crease[where] = features.creases[numbers]
         self.rim[where] = features.rims[numbers]
@@ -160,15 +168,19 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Mask, Array, Array]:
-    """Return a mask of the points that are leaving past a rim, and gaps and gap gradients.
+    """Return gaps and gap gradients of points that are leaving an open surface past its rim.
 
     Args:
         away: vectors from the closest points on the surface to the n points, shape (n, dim).
-        m: normals at the closest points, shape (n, dim).
+        m: surface normals at the closest points, shape (n, dim).
         turn: derivatives of the normals, shape (n, dim, dim).
         along: directions of the edges on which closest points move, otherwise zero, shape (n, dim).
         b: distances past the rim within which points leave, shape (n,).
         low: smallest heights at which points leave gradually, shape (n,).
+
+    Returns:
+        Mask of the points that are leaving, shape (n,); their gaps, shape (n,); and gradients of
+        the gaps, shape (n, dim). Gaps and gradients are valid only for points in the mask.
     """
     z = dot(away, m)
     past = tangential(away, m)
@@ -183,7 +195,17 @@ def _ended(
 def _interpolated(
     surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
 ) -> tuple[Array, Array]:
-    """Return normals m/|m| interpolated at the closest points, and their derivatives."""
+    """Return the unit normals interpolated at n closest points, and their derivatives.
+
+    The shapes are (n, dim) and (n, dim, dim).
+
+    Args:
+        surface: triangulated surface.
+        facets: indices of the facets that contain the closest points, shape (n,).
+        parts: barycentric coordinates of the closest points, shape (n, dim).
+        corners: corners of these facets, shape (n, dim, dim).
+        on: facet, ridge or corner on which each closest point lies.
+    """
     of_corners = surface.corner_normals[facets]
     mean = np.einsum("nk,nki->ni", parts, of_corners)
     size = np.linalg.norm(mean, axis=1)
@@ -196,7 +218,11 @@ def _interpolated(
 
 
 def _slopes(corners: Array) -> Array:
-    """Return the gradients of the k barycentric coordinates of n facets, shape (n, k, dim)."""
+    """Return the gradients of the k barycentric coordinates of n facets, shape (n, k, dim).
+
+    Args:
+        corners: corners of the facets, shape (n, k, dim).
+    """
     edges = corners[:, 1:] - corners[:, :1]
     inner = np.einsum("nai,nbi->nab", edges, edges)
     rest = np.linalg.solve(inner, edges)

@@ -71,7 +71,10 @@ def _of_stl(path: Path) -> Array:
 
 
 def _of_text(path: Path, text: str) -> Array:
-    """Return the triangle corners in an ASCII STL file of any number of solids, (k, 3, 3)."""
+    """Return the corners of the k triangles in an ASCII STL file, shape (k, 3, 3).
+
+    The file may contain several solids.
+    """
     lines = [line.split() for line in text.lower().splitlines() if line.strip()]
     if lines[-1][0] != "endsolid":
         raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")
@@ -83,9 +86,9 @@ def _of_text(path: Path, text: str) -> Array:
 
 
 def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
-    """Return points and facets of a group of curves (2D) or surfaces (3D) of a gmsh file.
+    """Return points and facets of a group of curves (2D) or surfaces (3D) in a gmsh file.
 
-    Without a group, all surfaces are read, or all curves of a file without surfaces.
+    Without a group, all surfaces are read, or all curves if the file has no surfaces.
     """
     gmsh = optional("gmsh", "gmsh")
     with empty_model(gmsh) as model:
@@ -119,7 +122,10 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
 
 def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, list[int]]:
-    """Return the dimension of a physical group, and the tags of its gmsh entities."""
+    """Return the dimension of a physical group, and the tags of its gmsh entities.
+
+    Without a group, all surfaces are returned, or all curves if there are no meshed surfaces.
+    """
     if group is None:
         dim = 2 if any(len(model.mesh.getElements(2, e)[0]) for _, e in model.getEntities(2)) else 1
         return dim, [e for _, e in model.getEntities(dim)]

@@ -1,28 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Normals at the corners of facets that approximate a smooth surface.
 
-The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two of its points (the
-trapezoidal rule). Unit normals of planes, spheres and circular cylinders, and of their smooth
-combinations along edges of facets, thus satisfy
+The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two points x_a and x_b
+of the quadric (the trapezoidal rule). The unit normals n_a and n_b of planes, spheres and circular
+cylinders, and of their smooth combinations along edges of facets, thus satisfy
 
-    (n_a + n_b).(x_b - x_a) = 0    for every edge.
+    (n_a + n_b).(x_b - x_a) = 0    for every edge from x_a to x_b.
 
-The normals of any other smooth surface satisfy this condition up to the order h^3, where h is the
-facet size. In strips of facets the condition does not determine the normals. Normals are therefore
-computed by least squares, as close to an initial guess as the condition allows. The guess is the
-sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over the facets around a point, where e_1 and e_2 are the edges
-meeting there; it is exact for a sphere through the points (Max, J. Graphics Tools 4(2), 1999). For
-segments the guess is the sum of n_s / |s|, which is exact for a circle. Between a flat and a curved
-part the guess is the normal of the flat part, which is preserved. Flat parts must have at least two
-triangles, because the normal of a single triangle of a curved part also satisfies the condition.
+The normals of any other smooth surface satisfy this edge condition up to the order h^3, where h is
+the facet size. In strips of facets the condition does not determine the normals. Normals are
+therefore computed by least squares, as close to an initial guess as the condition allows. The guess
+is the sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over the facets around a point, where e_1 and e_2 are
+the edges meeting there; it is exact for a sphere through the points (Max, J. Graphics Tools 4(2),
+1999). For segments with the length |s| and the unit normal n_s, the guess is the sum of n_s / |s|,
+which is exact for a circle. Between a flat and a curved part the guess is the normal of the flat
+part, which is preserved. Flat parts must have at least two triangles, because the normal of a
+single triangle of a curved part also satisfies the condition.
 
 If points are noisy, or facets do not approximate a smooth surface, for example around a rim that is
 partly a crease, normals can differ strongly from those of all facets. Therefore a normal must not
 deviate from the guess by more than the facet normals around the point or an adjacent point do.
 
-At a *tip*, such as the apex of a cone, the tangent plane is not defined. A tip is detected where
-n_a.(x_b - x_a) has the same sign for all edges and n_b.(x_b - x_a) is much smaller; at the pole of
-a sphere the two are opposite instead.
+At a *tip*, such as the vertex of a cone, the tangent plane is not defined. A tip x_a is detected if
+n_a.(x_b - x_a) has the same sign for all its edges and n_b.(x_b - x_a) is much smaller; at the pole
+of a sphere these two products have opposite signs and equal magnitudes instead.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return facet normals, whose length is the segment length or twice the triangle area.
+    """Return normals of k facets, scaled by segment length or twice the triangle area.
+
+    The shape is (k, dim).
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -59,11 +62,17 @@ def crossed(corners: Array) -> Array:
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Give every corner at a tip its own fan; return the fan of each corner, shape (k dim,).
+    """Separate the facets that meet at a tip, so that their normals are not averaged.
+
+    A fan consists of the facets around a point that are not separated by creases. Every corner at a
+    tip gets its own fan. At a tip, such as the vertex of a cone, the tangent plane is not defined.
 
     Args:
-        corners: corners of the facets, shape (k, dim, dim).
-        fans: indices of the fans bounded by creases, by corner, shape (k dim,).
+        corners: corners of the k facets, shape (k, dim, dim).
+        fans: index of the fan of each corner, shape (k dim,).
+
+    Returns:
+        New index of the fan of each corner, shape (k dim,).
     """
     k, dim = corners.shape[:2]
     if dim == 2:
@@ -84,17 +93,18 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
 
 
 def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
-    """Return unit normals at the corners of k facets, equal within a fan of facets.
+    """Return unit normals at the corners of k facets, shape (k, dim, dim).
 
-    The *bend* of a facet is the largest rotation of normals per length along its edges. If a facet
-    bends much less than the most bent facet of its fan, like a flat part next to a rounded edge,
-    its weight in the guess is increased by a power of the ratio of their bends, so that the surface
-    continues this facet smoothly. For a facet at a crease, such as a chamfer, the bend at the
-    crease is included. The normals have the shape (k, dim, dim).
+    The normals are equal within a fan, i.e. the facets around a point that are not separated by
+    creases. The *bend* of a facet is the largest rotation of normals per length along its edges. If
+    a facet bends much less than the most bent facet of its fan, like a flat part next to a rounded
+    edge, its weight in the initial guess is increased by a power of the ratio of their bends, so
+    that the surface continues this facet smoothly. For a facet at a crease, such as a chamfer, the
+    bend at the crease is included.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
-        fans: indices of the fans bounded by creases, by corner, shape (k dim,).
+        fans: index of the fan of each corner, shape (k dim,).
         planes: indices of the planes of adjacent coplanar facets, shape (k,).
         turns: bends of the facets at creases, equal within a plane, shape (k,).
     """
@@ -125,7 +135,17 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Limit the deviation of normals from the guess to that of adjacent facet normals."""
+    """Limit the deviation of normals from a guess, and return the resulting unit normals.
+
+    The limit is the largest deviation of the facet normals at the point or at an adjacent point.
+
+    Args:
+        found: unit normals at the corners of facets, shape (k, dim, dim).
+        guess: guess of these normals, shape (k, dim, dim).
+        across: facet normals (`crossed`), shape (k, dim).
+        fans: index of the fan of each corner, shape (k dim,).
+        edges_of_fans: result of `_edges`.
+    """
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -140,16 +160,25 @@ def _near(
 
 
 def _weights(corners: Array) -> Array:
-    """Return the weights of facets at their corners, shape (k, dim)."""
+    """Return the weights with which facet normals are averaged at their corners, shape (k, dim).
+
+    Args:
+        corners: corners of the facets, shape (k, dim, dim).
+    """
     dim = corners.shape[1]
     edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
     return 1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges)
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Return the normalised weighted sum of facet normals over the fan of each corner.
+    """Return the weighted mean of facet normals at each corner, normalised, shape (k, dim, dim).
 
-    The shape is (k, dim, dim) for k facets.
+    The mean is over the fan of the corner.
+
+    Args:
+        weights: weights of the k facets at their corners, shape (k, dim).
+        across: facet normals (`crossed`), shape (k, dim).
+        fans: index of the fan of each corner, shape (k dim,).
     """
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
@@ -160,12 +189,14 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Return normals that satisfy the edge condition by least squares, shape (k, dim, dim).
+    """Return unit normals that satisfy the edge condition of the module by least squares.
+
+    The shape is (k, dim, dim).
 
     Args:
         edges_of_fans: result of `_edges`.
         guess: unit normals at the corners of facets, shape (k, dim, dim).
-        fans: indices of the fans, by corner, shape (k dim,).
+        fans: index of the fan of each corner, shape (k dim,).
         part: factors by which the deviation from the guess is multiplied, by corner, shape (k
             dim,); each fan uses the smallest factor of its corners.
     """
@@ -194,7 +225,12 @@ def _along_edges(
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
-    """Return n distinct facet edges: fans at both ends, and unit vectors, shape (n, dim)."""
+    """Return n distinct facet edges: fans at both ends, and unit vectors, shape (n, dim).
+
+    Args:
+        corners: corners of the k facets, shape (k, dim, dim).
+        fans: index of the fan of each corner, shape (k dim,).
+    """
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
@@ -206,7 +242,14 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """Return the largest rotation of normals per length along edges of a facet, shape (k,)."""
+    """Return the largest rotation of normals per length along the edges of each facet.
+
+    The shape is (k,).
+
+    Args:
+        corners: corners of the facets, shape (k, dim, dim).
+        normals: unit normals at the corners, shape (k, dim, dim).
+    """
     i, j = np.transpose(_SIDES[corners.shape[1]])
     turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=2)
     length = np.linalg.norm(corners[:, j] - corners[:, i], axis=2)
@@ -214,7 +257,12 @@ def _bends(corners: Array, normals: Array) -> Array:
 
 
 def _most(values: Array, groups: Ints) -> Array:
-    """Return the maximum over the group of each value, shape (n,)."""
+    """Return, for each of n values, the maximum over its group, shape (n,).
+
+    Args:
+        values: non-negative values, shape (n,).
+        groups: index of the group of each value, shape (n,).
+    """
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return most[groups]

@@ -63,7 +63,7 @@ class RigidSurface(ReadOnly, Obstacle):
     The law is enforced at contact points. Between contact points, a corner or edge of the surface
     can penetrate a facet of the body (indicator ``between_points``). Nodes next to a sharp edge are
     pushed sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
-    ``across``). In the integral method nodes can pass below edges. Each rank stores the whole
+    ``across``). With ``method="integral"``, nodes can pass below edges. Each rank stores the whole
     surface (about 1 kB per facet). Self-intersections, for example between solids that were not
     united, are not detected; distances from outside remain exact.
 
@@ -177,16 +177,16 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @cached_property
     def facet_size(self) -> float:
-        """Mean size of the facets, a length."""
+        """Mean length of the facets in 2D, square root of their mean area in 3D."""
         areas = np.linalg.norm(area_vectors(self.points[self.cells]), axis=1)
         return float(areas.mean() ** (1 / (self.points.shape[1] - 1)))
 
     @cached_property
     def heights(self) -> tuple[Array, Array]:
-        """Heights of the smooth surface above its k facets, and facet widths, shape (k,) each.
+        """Height of the smooth surface above each of k facets, and width of each facet.
 
-        Heights follow from the averaged normals: 0 for flat parts, h^2/(8 R) for chords of length h
-        of a circle of radius R.
+        Both have the shape (k,). Heights follow from the averaged normals: 0 for flat parts, h^2/(8
+        R) for chords of length h of a circle of radius R.
         """
         corners = self.points[self.cells]
         tilts = self._surface.corner_normals - self._surface.normals[:, None]
@@ -196,7 +196,7 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @property
     def edges(self) -> Ints:
-        """Sharp edges and rims as pairs of point indices, shape (k, 2); empty in 2D."""
+        """Creases and edges of the rim, as pairs of point indices, shape (n, 2); empty in 2D."""
         return self._surface.edges
 
     def distances(self, x: npt.ArrayLike) -> Distances:
@@ -246,16 +246,25 @@ class RigidSurface(ReadOnly, Obstacle):
         return Start(gap, height, normal, on_obstacle)
 
     def _ends(self, widths: Array) -> Array:
-        """Return the distances past the rim within which points leave gradually.
+        """Return the distances past the rim within which points leave gradually, shape (n,).
 
-        Distances up to the rounding radius are replaced by zero.
+        Args:
+            widths: facet sizes of the sliding face, shape (n,). Sizes up to the rounding radius are
+                replaced by zero.
         """
         return np.where(widths > self.rounding, widths, 0.0)
 
     def _measure(
         self, x: Array, width: Array | None = None, removed: Array | None = None
     ) -> tuple[Array, Array, Array, Array]:
-        """Return gaps, gap gradients, normals into the obstacle, and derivatives of the normals."""
+        """Return gaps, gap gradients, normals into the obstacle, and derivatives of the normals.
+
+        Args:
+            x: points, shape (n, dim).
+            width: facet sizes of the sliding face at the points, shape (n,); None if no face
+                slides.
+            removed: overlaps removed from the gaps, shape (n,); None for no overlap.
+        """
         ends = None if width is None else self._ends(width)
         found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn

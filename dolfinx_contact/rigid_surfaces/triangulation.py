@@ -2,10 +2,11 @@
 """Surfaces of segments (2D) or triangles (3D): validation, orientation and normals.
 
 A *ridge* is the intersection of two facets: a point in 2D, an edge in 3D. A ridge with a single
-facet is part of the rim of an open surface. A ridge with three or more facets is an error. Corner
-normals (`normals`) are averaged over the facets that are not separated by creases. Angle-weighted
-pseudonormals determine on which side of the surface a point is (Baerentzen and Aanaes, IEEE Trans.
-Vis. Comput. Graph. 11, 2005).
+facet is part of the rim of an open surface. A ridge with three or more facets is an error. A
+*crease* is a ridge at which the normals of the two facets differ by a large angle, and a *fan*
+consists of the facets around a point that are not separated by creases. Corner normals (`normals`)
+are averaged over a fan. Angle-weighted pseudonormals determine on which side of the surface a point
+is (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ _REPAIR = "pyvista.read(path).clean().compute_normals(auto_orient_normals=True)"
 
 @dataclass(frozen=True)
 class Features:
-    """Normals and flags of all ridges, or of all points, of a surface.
+    """Normals and flags of the m ridges, or of the m points, of a surface.
+
+    A ridge is a point in 2D and an edge in 3D at which facets meet.
 
     Attributes:
         normals: outward pseudonormals, not normalised, shape (m, dim).
         creases: mask of the ridges or points at which normals are not averaged, shape (m,).
-        rims: mask of the ridges or points on the rim, shape (m,).
+        rims: mask of the ridges or points on the rim of an open surface, shape (m,).
     """
 
     normals: Array
@@ -50,13 +53,16 @@ class Features:
 class Triangulation:
     """Consistently oriented surface of facets.
 
+    A ridge is a point in 2D and an edge in 3D at which facets meet.
+
     Attributes:
         points: coordinates of the points, shape (m, dim).
         cells: indices of the points of each facet, shape (k, dim).
         normals: unit normals of the facets, pointing out of the obstacle, shape (k, dim).
-        ridges: indices of the ridges opposite to the corners of facets, shape (k, dim).
-        of_ridges: normals, creases and rims of the ridges.
-        of_points: normals, creases and rims of the points.
+        ridges: for each facet, the index of the ridge opposite to each corner, shape (k, dim).
+        of_ridges: pseudonormal of each ridge, and flags for ridges that are creases or on a rim.
+        of_points: pseudonormal of each point, and flags for points at which normals are not
+            averaged or that are on a rim.
         corner_normals: averaged normals at the corners of facets, shape (k, dim, dim).
     """
 
@@ -70,12 +76,15 @@ class Triangulation:
 
     @property
     def closed(self) -> bool:
-        """Whether the surface has no rim."""
+        """Whether the surface has no rim, i.e. every ridge has two facets."""
         return not bool(self.of_ridges.rims.any())
 
     @property
     def edges(self) -> Ints:
-        """Edges that are creases or rims, as pairs of points, shape (k, 2); empty in 2D."""
+        """Edges that are creases or on a rim, as pairs of point indices, shape (n, 2).
+
+        In 2D the array is empty.
+        """
         if self.points.shape[1] == 2:
             return np.zeros((0, 2), dtype=np.int64)
         first = np.unique(self.ridges, return_index=True)[1]
@@ -84,12 +93,14 @@ class Triangulation:
 
     @property
     def size(self) -> float:
-        """Extent of the surface, a length."""
+        """Length of the diagonal of the bounding box of the surface."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 class _Ridges:
-    """Ridges of facets, and pairs of facets with a common ridge.
+    """Ridges, i.e. points in 2D and edges in 3D at which facets meet, and their facets.
+
+    A ridge is interior if it belongs to two facets.
 
     Args:
         cells: points of the facets, shape (k, dim).
@@ -97,13 +108,13 @@ class _Ridges:
 
     Attributes:
         what: name of the ridges in messages.
-        numbers: indices of the ridges opposite to the corners of facets, shape (k, dim).
-        nodes: points of the ridges, in the orientation of the facet, shape (k dim, dim - 1).
-        signs: orientation of each ridge in its facet, 1 or -1, shape (k dim,).
-        first: for each interior ridge, its row in ``nodes`` that belongs to the first of its two
-        facets.
-        second: for each interior ridge, its row in ``nodes`` that belongs to the second facet.
-        rims: mask of the ridges with a single facet, shape (k, dim).
+        numbers: for each facet, the index of the ridge opposite to each corner, shape (k, dim).
+        nodes: points of the ridges opposite to all corners, in the orientation of the facet, shape
+            (k dim, dim - 1).
+        signs: orientation of each row of ``nodes`` in its facet, 1 or -1, shape (k dim,).
+        first: for each interior ridge, the row of ``nodes`` that belongs to its first facet.
+        second: for each interior ridge, the row of ``nodes`` that belongs to its second facet.
+        rims: for each facet, a mask of the ridges with a single facet, shape (k, dim).
     """
 
     def __init__(self, cells: Ints, name: str):
@@ -131,23 +142,23 @@ class _Ridges:
 
     @property
     def facets(self) -> tuple[Ints, Ints]:
-        """Indices of the two facets at each interior ridge."""
+        """Index of the first and of the second facet at each interior ridge."""
         return self.first // self.dim, self.second // self.dim
 
     @property
     def alike(self) -> Mask:
-        """Mask of the interior ridges at which the two facets are oriented inconsistently."""
+        """Mask of the ridges with two facets at which these are oriented inconsistently."""
         return self.signs[self.first] == self.signs[self.second]
 
     def fans(self, cells: Ints, joined: Mask) -> Ints:
-        """Return the index of the fan of facets that contains each corner, shape (k dim,).
+        """Return the index of the fan that contains each corner of the k facets, shape (k dim,).
 
-        Two corners at the same point belong to the same fan if a joined ridge connects their
-        facets.
+        A fan consists of facets around a point. Two corners at the same point belong to the same
+        fan if their facets are connected through joined ridges.
 
         Args:
             cells: points of the facets, shape (k, dim).
-            joined: mask of the interior ridges connecting facets.
+            joined: mask of the interior ridges that connect their facets.
         """
         links = []
         for column in range(self.dim - 1):
@@ -161,7 +172,15 @@ class _Ridges:
 
 
 def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
-    """Merge points that coincide up to 1e-7 of the extent, and remove points without a facet."""
+    """Merge points that coincide up to 1e-7 of the extent, and remove points without a facet.
+
+    Args:
+        points: points, shape (m, dim).
+        cells: points of the facets, shape (k, dim).
+
+    Returns:
+        Remaining points, and indices of these points for each facet.
+    """
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(_SAME * size, output_type="ndarray")
     group = connected_parts(len(points), *pairs.T)
@@ -183,9 +202,9 @@ def triangulated(
         inward: whether closed parts with a negative volume are accepted.
 
     Raises:
-        ValueError: if facets are degenerate, three facets share a ridge, parts touch at a single
-            point, neighbours are oriented inconsistently, a closed part encloses a negative volume,
-            or points of rims nearly coincide.
+        ValueError: if facets are degenerate or repeated, three facets share a ridge (a point in 2D,
+            an edge in 3D), parts touch at a single point, neighbours are oriented inconsistently, a
+            closed part encloses a negative volume, or points of rims nearly coincide.
     """
     _check_facets(points, cells, name)
     corners = points[cells]
@@ -259,7 +278,11 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
 
 
 def _check_torn(points: Array, cells: Ints, ridges: _Ridges, name: str) -> None:
-    """Raise ``ValueError`` if facets do not join: rim points lie on or near rim facets."""
+    """Raise ``ValueError`` if parts touch at a point only, or facets do not join at rims.
+
+    Facets do not join if a point of a rim lies on or near an edge of a rim (in 2D a segment) to
+    which it does not belong.
+    """
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
     if len(several):
@@ -298,7 +321,7 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, name: str) -> None:
 
 
 def _shortest_edges(points: Array, cells: Ints) -> Array:
-    """Return the length of the shortest edge at each point, shape (m,)."""
+    """Return the length of the shortest edge at each of the m points, shape (m,)."""
     shortest = np.full(len(points), np.inf)
     corners = points[cells]
     for i in range(cells.shape[1]):
@@ -316,7 +339,12 @@ def _at(x: Array) -> str:
 
 
 def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
-    """Return the number of fans at each point, shape (m,)."""
+    """Return the number of fans at each of the m points, shape (m,).
+
+    Args:
+        cells: points of the facets, shape (k, dim).
+        fans: index of the fan of each corner, shape (k dim,).
+    """
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
 
 
@@ -324,14 +352,17 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Return the signed volumes of the cones from the surface centre to facets, shape (k,)."""
+    """Return the signed volumes of the cones from the surface centre to each facet, shape (k,).
+
+    In 2D they are signed areas of triangles.
+    """
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
     return dot(corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
 
 
 def _angles(corners: Array) -> Array:
-    """Return the angle of each facet at each corner, shape (k, dim); 1 for segments."""
+    """Return the angle of each facet at each corner in radians, shape (k, dim); 1 for segments."""
     if corners.shape[1] == 2:
         return np.ones(corners.shape[:2])
     a = np.roll(corners, -1, axis=1) - corners
