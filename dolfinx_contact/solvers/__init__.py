@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solvers of the contact problem."""
+"""Nonlinear and linear solvers of the contact problem, and strategies for solves that fail."""
 
 from dolfinx_contact.solvers.attempts import ConvergenceError
 from dolfinx_contact.solvers.strategies import solve

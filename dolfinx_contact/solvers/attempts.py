@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""History of a solve: Newton iterates, attempts of strategies, errors, and the progress line."""
+"""Record of a solve: Newton iterates, attempts of strategies, errors, and the progress line."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Step:
     Attributes:
         iteration: number of the iterate, 0 for the start.
         measures: relative residuals of the iterate (`equations.measures.Measures`).
-        flips: number of points whose status changed in the step to this iterate.
+        flips: number of contact points whose status changed in the step to this iterate.
         load: applied fraction of the load, 0 to 1.
         krylov: iterations of the linear solver in the step to this iterate.
     """
@@ -64,15 +64,16 @@ class Attempt:
         reason: reason why the attempt ended.
         steps: Newton iterates.
         converged: whether the strategy solved the problem.
-        restless: coordinates of some points whose status changed in the last step, by surface name.
-        limit: cost, in Newton steps, at which the strategy gives up.
+        restless: coordinates of some contact points whose status changed in the last step, by name
+            of the surface.
+        limit: cost at which the strategy gives up, in units of a Newton step (`cost`).
         evaluations: number of residual evaluations.
         linear_solver_failed: whether the attempt ended because PETSc did not solve a linear system.
-        floats: whether the attempt ended because a rigid motion of the body was free.
+        floats: whether the attempt ended because nothing prevented a rigid motion of a body.
         evaluation: evaluation of H at the solution, from which the result is computed; None if H
             must be evaluated again.
-        series: further values reported by an algorithm, by name, one per iterate unless the
-            algorithm states otherwise.
+        series: further values reported by an algorithm, by name: lists with one value per iterate
+            unless the algorithm states otherwise.
     """
 
     strategy: str
@@ -88,22 +89,25 @@ class Attempt:
     series: dict[str, list[float]] = field(default_factory=dict)
 
     def report(self, **values: float) -> None:
-        """Add values to the series."""
+        """Append values to the lists in `series`, by name."""
         for name, value in values.items():
             self.series.setdefault(name, []).append(float(value))
 
     @property
     def iterations(self) -> int:
-        """Number of Newton steps, without initial iterates."""
+        """Number of Newton steps; initial iterates are not counted."""
         return len([s for s in self.steps if s.iteration > 0])
 
     @property
     def cost(self) -> float:
-        """Cost in Newton steps; an additional residual evaluation costs a quarter of a step."""
+        """Cost in units of a Newton step.
+
+        Each residual evaluation beyond one per iterate costs a quarter of a step.
+        """
         return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
 
     def gives_up(self) -> bool:
-        """Return whether the cost has reached the limit, and set `reason`."""
+        """Return whether the cost has reached the limit; if so, set `reason`."""
         if self.limit == math.inf or self.cost < self.limit:
             return False
         self.reason = f"gave up after a cost of {self.limit:g} Newton steps"
@@ -111,12 +115,14 @@ class Attempt:
 
     @property
     def krylov_iterations(self) -> int:
-        """Number of iterations of the linear solver."""
+        """Total number of iterations of the linear solver."""
         return sum(s.krylov for s in self.steps)
 
 
 class ConvergenceError(RuntimeError):
-    """No strategy solved the problem; the Functions of the caller are unchanged.
+    """Error raised if no strategy solves the problem.
+
+    The Functions of the caller are unchanged.
 
     Attributes:
         attempts: attempts of the strategies.
@@ -128,11 +134,11 @@ class ConvergenceError(RuntimeError):
 
 
 class FloatingBodyError(ConvergenceError):
-    """Neither Dirichlet data nor contact prevent a rigid motion of the body."""
+    """Error raised if neither Dirichlet data nor contact prevents a rigid motion of a body."""
 
 
 class LinearSolverError(ArithmeticError):
-    """The linear system of a Newton step was not solved."""
+    """Error raised if the linear system of a Newton step was not solved."""
 
 
 class SolveProgress(Progress):
@@ -145,7 +151,7 @@ class SolveProgress(Progress):
         stream: see `Progress`.
 
     Attributes:
-        strategy: name of the present strategy.
+        strategy: name of the strategy that is running.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
@@ -154,7 +160,7 @@ class SolveProgress(Progress):
         self.strategy = ""
 
     def step(self, step: Step) -> None:
-        """Show an iterate."""
+        """Show a Newton iterate in the progress line."""
         if not self.due:
             return
         parts = [
@@ -168,7 +174,7 @@ class SolveProgress(Progress):
         self.update("  ".join(parts))
 
     def end(self, iterations: int | None = None) -> None:
-        """End the line.
+        """End the progress line.
 
         Args:
             iterations: number of iterations of a solve that converged; None if it failed.

@@ -39,7 +39,15 @@ _ROUNDS = 2000  # largest number of rounds
 
 
 def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve from ``x``, which is overwritten, with decreasing strengths of bonds. Collective."""
+    """Solve with decreasing bond strengths, and return whether a solution was found.
+
+    Collective.
+
+    Args:
+        solver: Newton's method.
+        x: start, which is overwritten.
+        attempt: attempt recording the iterates.
+    """
     eq = solver.equations
     strengths = [
         c.data.fields[s.law.weakening.name].copy() if s.law.weakens and s.law.weakening else None
@@ -87,7 +95,17 @@ def _solve(frozen: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
-    """Reduce strengths to those of the law at a state; return the largest change of a strength."""
+    """Reduce bond strengths to those that the law gives at a state. Collective.
+
+    Args:
+        eq: contact problem.
+        x: unknowns of the state.
+        strengths: strengths of the bonds of each surface, which are replaced; None for laws whose
+            bonds do not weaken.
+
+    Returns:
+        Largest change of a strength.
+    """
     change = 0.0
     for i, (s, contact) in enumerate(
         zip(eq.surfaces, eq.evaluate_contact(x).surfaces, strict=True)

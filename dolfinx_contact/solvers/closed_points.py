@@ -48,7 +48,10 @@ class ClosedPoints:
 
     @classmethod
     def of(cls, eq: ContactEquations, evaluation: Evaluation) -> ClosedPoints:
-        """Return the closed nodes and points, guessed if a surface has none. Collective."""
+        """Return the closed nodes and points of an evaluation. Collective.
+
+        For surfaces without closed points they are guessed.
+        """
         V = eq.V
         bs = V.dofmap.index_map_bs
         nodes: list[Indices] = [np.zeros(0, dtype=np.int32)]
@@ -88,12 +91,16 @@ class ClosedPoints:
     def springs(
         self, equations: ContactEquations, stiffness: PETSc.Mat, evaluation: Evaluation
     ) -> PETSc.Mat | None:
-        """Return B_c^T kappa B_c in the numbering of the stiffness; None without pairs. Collective.
+        """Return the stiffness of springs at the closed points of pairs; None without pairs.
+
+        The springs join the opposing nodes of both bodies. The matrix has the numbering of the
+        stiffness of the body. Collective.
 
         Args:
             equations: contact problem.
-            stiffness: stiffness K.
-            evaluation: evaluation that contains B, which depends on the state for sliding faces.
+            stiffness: stiffness of the body.
+            evaluation: evaluation that contains the operators from displacements to jumps, which
+                depend on the state for sliding faces.
         """
         pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
         if not pairs:
@@ -119,10 +126,12 @@ class ClosedPoints:
 
 
 def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints, Array]:
-    """Return the springs of joined points as matrix entries: rows, columns, values. Collective.
+    """Return springs at joined points as rows, columns and values of matrix entries.
+
+    Collective.
 
     Args:
-        B: scalar matrix b of B = b (x) I; its rows are scaled.
+        B: scalar matrix from nodes to points with the weights of the jumps; its rows are scaled.
         share: ratio of the area of each joined point to the area of a node, shape (n,).
         compliance: compliance of the owned nodes.
     """

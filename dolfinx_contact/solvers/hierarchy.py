@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Multigrid hierarchy of the stiffness, which remains in use when statuses change.
 
-Algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
-space. The hierarchy is built from the stiffness with all currently closed nodes fixed. Statuses may
-change afterwards, because the surface filter corrects the resulting errors at the contact nodes.
-Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more in the set-up
-and needs fewer iterations.
+The hierarchy is an algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid
+motions as near null space. It is built from the stiffness with the currently closed nodes fixed, or
+joined in pairs (`closed_points`). Statuses may change afterwards, because the surface filter
+(`surface_filter`) corrects the resulting errors at the contact nodes. Aggregates of GAMG are plain
+(`PLAIN`) or smoothed (`SMOOTHED`). Smoothed aggregates cost more in the set-up and need fewer
+iterations.
 
-In a time step, the mass may make the matrix so well conditioned that a hierarchy costs more than it
-saves. A polynomial preconditioner of low degree is then used instead.
+In a time step, the mass may make the matrix so well conditioned that a hierarchy costs more time
+than it saves. A polynomial preconditioner of low degree is then used instead.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ _GAMG: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Interpolation:
-    """Interpolation of GAMG and its measured costs (`benchmarks/settings_study.py`).
+    """Interpolation of GAMG with its measured costs (`benchmarks/settings_study.py`).
 
     Costs are multiples of the cost of an iteration with plain aggregates.
 
@@ -56,7 +57,7 @@ class Interpolation:
         options: PETSc options of the PC.
         set_up: cost of setting up a hierarchy.
         iteration: cost of an iteration.
-        per_digit: iterations per decimal digit of the residual with a new hierarchy.
+        per_digit: iterations per decimal digit by which a new hierarchy reduces the residual.
     """
 
     options: dict[str, Any]
@@ -126,7 +127,7 @@ class Hierarchy:
         interpolation: interpolation of GAMG, `PLAIN` or `SMOOTHED` aggregates.
 
     Attributes:
-        null_space: rigid motions, for `Mat.setNearNullSpace`.
+        null_space: rigid motions as a near null space (`Mat.setNearNullSpace`).
         interpolation: interpolation of GAMG in the next `build`, `PLAIN` or `SMOOTHED`.
     """
 
@@ -156,18 +157,18 @@ class Hierarchy:
 
     @property
     def kind(self) -> str:
-        """Type of the PC."""
+        """PETSc type of the preconditioner, for example ``gamg``."""
         return str(PETSc.Options().getString(self.prefix + "pc_type", self._default))
 
     @property
     def may_smooth(self) -> bool:
-        """Whether the interpolation is plain and can be changed to smoothed aggregates."""
+        """Whether plain aggregates are in use and can be replaced by smoothed aggregates."""
         given = PETSc.Options().hasName(self.prefix + "pc_gamg_agg_nsmooths")
         return self.kind == "gamg" and self.interpolation is PLAIN and not given
 
     @property
     def options(self) -> dict[str, Any]:
-        """Default options of the PC; the PETSc database overrides them."""
+        """Default PETSc options of the preconditioner; the options database overrides them."""
         gamg = {**_GAMG, **self.interpolation.options}
         return {"gamg": gamg, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
 
@@ -187,8 +188,8 @@ class Hierarchy:
                 identity.
             diagonal: diagonal entry of these rows.
             added: matrix to add to ``K`` first; it is destroyed.
-            half: symmetric storage (upper half) of ``K``, if available for the lifetime of the
-                hierarchy.
+            half: upper half of ``K`` in symmetric storage, if available for the lifetime of the
+                hierarchy; None otherwise.
         """
         self.destroy()
         with logged("ContactAMGSetUp"):
@@ -221,7 +222,9 @@ class Hierarchy:
         return self.pc
 
     def _shrink(self, pc: PETSc.PC, free: bool) -> None:
-        """Store only half of the first coarse matrix, and free data of the set-up. Collective.
+        """Reduce the memory of the hierarchy. Collective.
+
+        Only half of the first coarse matrix is kept, and data of the set-up are freed.
 
         Args:
             pc: preconditioner after its set-up.
@@ -246,7 +249,9 @@ class Hierarchy:
             self.matrix = None
 
     def set_up(self, pc: PETSc.PC) -> None:
-        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
+        """Set up a PC with the options of the hierarchy; its operators are already set.
+
+        Collective.
 
         Raises:
             ValueError: on every rank, if hypre is chosen and PETSc was built without it.
@@ -310,9 +315,9 @@ def _with_identity_rows(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.M
 
 
 def condition(A: PETSc.Mat, steps: int) -> float:
-    """Return a lower bound of the condition number of A after diagonal scaling. Collective.
+    """Return a lower bound of the condition number of a matrix after diagonal scaling.
 
-    It uses the Ritz values of conjugate gradients.
+    It is the ratio of the extreme Ritz values of conjugate gradients. Collective.
 
     Args:
         A: symmetric positive definite matrix.
@@ -335,9 +340,9 @@ def condition(A: PETSc.Mat, steps: int) -> float:
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
     """Return the rigid motions of the body as a PETSc null space, and its vectors. Collective.
 
-    For a body of revolution they are the rigid motions of its section: in each cell the
-    circumferential strain is small compared with the others. With only the axial translation, the
-    one true rigid motion, solves stagnate (measured).
+    For a body of revolution, the rigid motions of its section are used, because the circumferential
+    strain that they cause is small in each cell compared with the other strains. With only the
+    axial translation, the one true rigid motion, Krylov solves stagnate (measured).
     """
     index_map = V.dofmap.index_map
     n = index_map.size_local

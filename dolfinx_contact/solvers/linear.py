@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Linear solvers of Newton's method: the direct solver, and the choice between it and multigrid.
 
-`AssembledSolver`, called direct, is any KSP and PC on the assembled Jacobian, by default MUMPS. The
-other solver, amg, is `multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg.
-auto chooses direct in three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies; if
-the user sets ``ksp_type`` or ``pc_type``. Otherwise it chooses amg. If multigrid stagnates, the
-direct solver is used instead, provided that the free memory suffices.
+The solver ``direct`` (`AssembledSolver`) is any KSP and PC on the assembled Jacobian, by default
+the LU factorisation of MUMPS. The solver ``amg`` is `multigrid.Multigrid`. The option
+``linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. With ``auto``, the direct solver is
+chosen for up to 10^5 unknowns in 2D or 5 10^3 in 3D, for problems with rigid bodies, and if the
+user sets ``ksp_type`` or ``pc_type``; otherwise multigrid is chosen. If multigrid was chosen
+automatically and stagnates, the direct solver is used instead, provided that the free memory
+suffices.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 
 
 class AssembledSolver(LinearSolver):
-    """KSP on the assembled Jacobian, by default MUMPS.
+    """Linear solver of Newton's method on the assembled Jacobian, by default MUMPS.
 
     Args:
         equations: contact problem.
@@ -64,7 +66,7 @@ class AssembledSolver(LinearSolver):
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Compute the true residual, since the KSP monitors the preconditioned one."""
+        """Compute the true relative residual; the KSP monitors only the preconditioned one."""
         r = b.duplicate()
         self.matrix.mult(x, r)
         r.axpy(-1.0, b)
@@ -102,10 +104,10 @@ class AssembledSolver(LinearSolver):
 
 
 class LinearSolverChoice:
-    """Linear solver of a problem, created when it is first needed. Collective.
+    """Linear solver of a problem, created when it is first needed. Methods are collective.
 
     The solver is created again if PETSc options other than those of SNES have changed. The previous
-    solver is then released; a branch traced with it continues to own it until the branch ends.
+    solver is then released; a branch that is being traced with it keeps it until the branch ends.
 
     Args:
         equations: contact problem.
@@ -117,7 +119,12 @@ class LinearSolverChoice:
         self._options: dict[str, str] = {}
 
     def __call__(self) -> LinearSolver:
-        """Return the solver; raise ``ValueError`` for an unknown ``linear_solver``."""
+        """Return the linear solver, creating it if necessary.
+
+        Raises:
+            ValueError: for an unknown value of the option ``linear_solver``, or multigrid with
+                rigid bodies.
+        """
         options = self._equations.options.beside_newton()
         if any_rank(self._equations.comm, options != self._options):
             self.release()
@@ -152,7 +159,10 @@ class LinearSolverChoice:
         return Multigrid(eq)
 
     def fall_back_to_direct(self) -> bool:
-        """Replace multigrid by the direct solver if the user chose neither and memory suffices."""
+        """Replace multigrid by the direct solver, and return whether this was done.
+
+        It is done only if multigrid was chosen automatically and the free memory suffices.
+        """
         eq = self._equations
         given = (eq.options.value("linear_solver") or "auto") != "auto"
         if given or self().name == "direct":
@@ -169,20 +179,28 @@ class LinearSolverChoice:
         return True
 
     def release(self) -> None:
-        """Release the solver; the next call creates another one."""
+        """Release the solver; the next call of this object creates a new one."""
         if self._solver is not None:
             self._solver.release()
         self._solver = None
 
 
 def _gigabytes(size: int, dim: int) -> float:
-    """Predict the memory of the direct solver for ``size`` unknowns, in 10^9 bytes."""
+    """Return the predicted memory of the direct solver in 10^9 bytes.
+
+    Args:
+        size: number of unknowns.
+        dim: spatial dimension.
+    """
     factor, power = _DIRECT_MEMORY[dim]
     return float(factor * size**power)
 
 
 def _free_gigabytes(comm: MPI.Comm) -> float:
-    """Return the free memory of all hosts in 10^9 bytes; inf if unknown. Collective."""
+    """Return the sum of the free memory of all hosts in 10^9 bytes; inf if unknown.
+
+    Collective.
+    """
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)
     mine = 0.0
     if host.rank == 0:

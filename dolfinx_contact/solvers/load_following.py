@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Last strategy of a solve: trace the solution branch from zero load to the full load.
 
-The load grows as in `ContactEquations.ramped`, with s from 0 to 1. Where the branch turns back,
-load increments fail, but the branch can be followed through its folds.
+The applied fraction s of the load grows from 0 to 1, as in `ContactEquations.ramped`. Where the
+branch turns back in s, no solution is found after an increment of the load, but the branch can be
+traced around such folds.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ _ROUND_OFF = 1e-8  # contact rows, relative to stiffness times displacement, tha
 
 
 class Loaded(ParametricEquations):
-    """Contact problem whose parameter is the applied fraction s of its load.
+    """H(x, s) = 0: contact problem with the applied fraction s of its load as parameter.
 
     Args:
         equations: contact problem under the full load, within `ContactEquations.ramped`.
-        linear: function returning its linear solver.
+        linear: function returning the linear solver of the problem.
         ramp: load as yielded by `ContactEquations.ramped`.
     """
 
@@ -44,7 +45,7 @@ class Loaded(ParametricEquations):
         self._ramp = ramp
 
     def leaves_surfaces_alone(self) -> bool:
-        """Return whether the data of the surfaces are independent of the load. Collective."""
+        """Return whether the contact rows of H do not change with the load. Collective."""
         eq = self.equations
         size = maximum(eq.comm, np.abs(self._ramp.unknowns))
         off = maximum(eq.comm, np.abs(np.concatenate(self._ramp.rows[1:-1])))
@@ -69,13 +70,16 @@ class Loaded(ParametricEquations):
 
 
 def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Trace the branch of growing load from ``x``; return whether full load was reached.
+    """Trace the branch of solutions while the applied fraction of the load grows.
 
     Args:
         solver: Newton's method; its maximum number of iterations also applies at points of the
             branch.
         x: start; receives the solution.
         attempt: attempt recording the reason for a failure.
+
+    Returns:
+        Whether the full load was reached.
     """
     most = solver.max_iterations
     if most < 1:

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Matrix-free Jacobian of a contact problem with separate bulk and contact terms.
+"""Matrix-free Jacobian of a contact problem with separate bulk and contact terms.
 
     J = [ K  0 ] + S,    S = [ 0  B ]
         [ 0  0 ]             [ C  L ]
 
-K is the stiffness; for a linear body it is assembled once. S has nonzero rows only at contact nodes
-and multipliers, and is assembled on the contact facets at every change of status. In large sliding
-its sparsity pattern changes with each search for opposing facets. Dirichlet rows are the identity
-times a typical stiffness; their columns are zero.
+The blocks belong to the displacements and the multipliers. K is the stiffness of the body, which is
+assembled only once for a linear body. S contains the contact terms: the forces B of the
+multipliers, and the derivatives C and L of the contact laws (`equations.jacobian`). S has nonzero
+rows only at contact nodes and multipliers, and is assembled on the contact facets at every change
+of status. In large sliding, its sparsity pattern changes with each search for opposing facets.
+Dirichlet rows of J are those of the identity times a typical stiffness; Dirichlet columns are zero
+off the diagonal.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ __all__ = ["ContactOperator"]
 
 
 class ContactOperator:
-    """Matrix-free Jacobian of ``equations``.
+    """Matrix-free Jacobian of a contact problem, as a PETSc Mat.
 
     Attributes:
         matrix: PETSc Mat of type python, in the layout of the equations.
@@ -56,18 +59,19 @@ class ContactOperator:
 
     @property
     def diagonal(self) -> float:
-        """Diagonal entry of the Dirichlet rows."""
+        """Typical stiffness, the diagonal entry of the Dirichlet rows."""
         return self.equations.scaling.stiffness
 
     def update(self, evaluation: Evaluation) -> None:
-        """Assemble at a state. Collective."""
+        """Assemble stiffness and contact terms at an evaluation. Collective."""
         self.stiffness = self.equations.bulk.stiffness(evaluation.u)
         self.update_contact(evaluation)
 
     def update_contact(self, evaluation: Evaluation) -> None:
-        """Assemble only S; for a nonlinear body, K is then out of date. Collective.
+        """Assemble only the contact terms at an evaluation. Collective.
 
-        In large sliding, `contact` may be a new matrix after this call.
+        For a nonlinear body, the stiffness is out of date afterwards. In large sliding, `contact`
+        may be a new matrix after this call.
         """
         if self._terms.changed:
             self.contact.destroy()
@@ -76,7 +80,7 @@ class ContactOperator:
         self._terms.add(evaluation, self.contact)
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Compute y = J x."""
+        """Compute y = J x with the Jacobian J."""
         values = x.array_r
         free = self._x.array
         free[:] = values
@@ -94,17 +98,17 @@ class ContactOperator:
 
 
 class _Product:
-    """Context of the Mat of an operator.
+    """Python context of the matrix-free Mat of a `ContactOperator`.
 
-    It refers weakly to the operator, which owns the Mat. Python's garbage collector does not see
-    references held by PETSc, so a cycle would never be freed.
+    It holds only a weak reference to the operator, which owns the Mat. Python's garbage collector
+    does not see references held by PETSc, so a cycle of references would never be freed.
     """
 
     def __init__(self, operator: ContactOperator):
         self._operator = weakref.ref(operator)
 
     def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Compute y = J x."""
+        """Compute y = J x with the Jacobian J."""
         operator = self._operator()
         assert operator is not None
         operator.mult(x, y)

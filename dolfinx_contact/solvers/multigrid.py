@@ -72,10 +72,11 @@ _NEGLIGIBLE = 0.01  # share of the residual on the surface below which it is not
 
 
 class Multigrid(LinearSolver):
-    """Krylov solves of the uncondensed Jacobian, preconditioned by `SurfaceFilter`.
+    """Krylov solver of the Jacobian with all multipliers, preconditioned by `SurfaceFilter`.
 
-    The operator (`matrix`) and the filter act only on H_x, so a bordered system can use them as
-    the leading block of its own operator and preconditioner.
+    Operator (`matrix`) and preconditioner act only on the derivative of H with respect to x. A
+    bordered system of the continuation can therefore use them as the leading blocks of its own
+    operator and preconditioner.
 
     Args:
         equations: contact problem.
@@ -164,7 +165,10 @@ class Multigrid(LinearSolver):
         return self
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Write P^-1 r into ``z``, with P of the last `update`. Collective."""
+        """Apply the preconditioner set by `update` to ``r``, and write the result into ``z``.
+
+        Collective.
+        """
         self.filter.apply(r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
@@ -174,22 +178,22 @@ class Multigrid(LinearSolver):
         z.array[s] = self.filter.solve(r.array_r[s])
 
     def determinant_sign(self) -> float:
-        """Return the sign of det P up to a constant factor. Collective.
+        """Return the sign of the determinant of the preconditioner, up to a constant factor.
 
-        P eliminates the unknowns of the surface exactly. On the remaining unknowns it is a
-        multigrid cycle, which is symmetric and positive definite, so that the surface block
-        determines the sign.
+        The preconditioner eliminates the unknowns of the contact surface exactly. On the remaining
+        unknowns it is a multigrid cycle, which is symmetric and positive definite, so that the
+        surface block determines the sign. Collective.
         """
         assert self.filter.block is not None
         return self.filter.block.factor.determinant_sign
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record how many iterations a new hierarchy would have saved in a solve.
+        """Record how many iterations a new hierarchy would have saved in a linear solve.
 
-        A later step builds a new hierarchy if the savings exceed its cost.
+        A later step builds a new hierarchy if the total savings exceed its cost.
 
         Args:
-            iterations: iterations of the solve.
+            iterations: number of iterations of the solve.
             digits: decimal digits by which the solve has reduced the residual.
         """
         if self._unused and digits > _SEEN:
@@ -204,8 +208,8 @@ class Multigrid(LinearSolver):
     def _per_digit(self) -> float:
         """Expected number of iterations per decimal digit of the residual with a new hierarchy.
 
-        It is at least the number measured when the present hierarchy was new, because nearly
-        incompressible bodies need many iterations with any hierarchy.
+        It is at least the number measured when the current hierarchy was new, because for nearly
+        incompressible bodies every hierarchy needs many iterations.
         """
         return max(self.hierarchy.interpolation.per_digit, self._measured)
 
@@ -226,14 +230,21 @@ class Multigrid(LinearSolver):
             self.build(evaluation)
 
     def _smooth(self) -> bool:
-        """Switch from plain to smoothed aggregates, and return whether this was possible."""
+        """Replace plain by smoothed aggregates in the next hierarchy, if possible.
+
+        Returns:
+            Whether this was possible.
+        """
         if not self.hierarchy.may_smooth:
             return False
         self.hierarchy.interpolation = SMOOTHED
         return True
 
     def build(self, evaluation: Evaluation) -> None:
-        """Build the hierarchy for the statuses of an evaluation or for guessed ones. Collective."""
+        """Build the hierarchy with the closed points of an evaluation. Collective.
+
+        For surfaces without closed points, closed points are guessed.
+        """
         A = self.operator
         self._closed = ClosedPoints.of(self._equations, evaluation)
         fixed = np.union1d(A.fixed, np.flatnonzero(self._closed.fixed)).astype(np.int32)
@@ -278,7 +289,14 @@ class Multigrid(LinearSolver):
     def _rebuild_if_it_pays(
         self, step: Step, digits: float, target: float, evaluation: Evaluation
     ) -> None:
-        """Build a new hierarchy if it saves more iterations than it costs. Collective."""
+        """Build a new hierarchy if it is expected to save more than it costs. Collective.
+
+        Args:
+            step: latest Newton iterate.
+            digits: decimal digits by which the last linear solve has reduced the residual.
+            target: relative residual at which Newton's method ends.
+            evaluation: evaluation at the iterate.
+        """
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
         now = self.hierarchy.interpolation
@@ -288,7 +306,11 @@ class Multigrid(LinearSolver):
             self.build(evaluation)
 
     def _is_stale(self, evaluation: Evaluation) -> bool:
-        """Return whether a hierarchy built for this evaluation would differ. Collective."""
+        """Return whether a hierarchy built now would differ from the current one. Collective.
+
+        Args:
+            evaluation: evaluation for which the hierarchy would be built.
+        """
         moved = ClosedPoints.of(self._equations, evaluation).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
         return any_rank(self.comm, moved or other)
@@ -321,5 +343,5 @@ class Multigrid(LinearSolver):
 
 
 def _knows_residual(ksp: PETSc.KSP) -> bool:
-    """Return whether a KSP, after its set-up, provides the norm of the true residual."""
+    """Return whether a KSP provides the norm of the true residual, after its set-up."""
     return bool(ksp.getNormType() == PETSc.KSP.NormType.UNPRECONDITIONED)

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Semismooth Newton's method on SNES.
+"""Semismooth Newton method for H(x) = 0, using SNES of PETSc.
 
-The statuses are determined again at every iterate before residual and Jacobian are evaluated, so
-that the Jacobian is an element of the generalised Jacobian of H. The only exception is the first
-step of a body without contact, which uses guessed statuses. Convergence is judged block by block
-(`measures`). Full steps returning to earlier statuses are stopped as a cycle.
+At every iterate, the statuses are determined from the unknowns before residual and Jacobian are
+evaluated, so that the Jacobian is an element of the generalised Jacobian of H. The only exceptions
+are statuses prescribed by the caller, and the first step of a body without contact, which uses
+guessed statuses. Convergence is tested separately for each kind of residual (`equations.measures`).
+Full steps that return to earlier statuses are stopped as a cycle.
 
-SNES requests residual, Jacobian and convergence in separate calls, each for given unknowns. Every
-call takes the evaluation at its unknowns from `_Run.at`, which evaluates H once for equal values.
-Hence no call depends on the calls before it.
+SNES requests residual, Jacobian and convergence test in separate calls, each for given unknowns.
+Every call obtains the evaluation at its unknowns from `_Run.at`, which evaluates H only once for
+equal unknowns. Hence no call depends on the calls before it.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class LinearSolver(JacobianSolver):
     Attributes:
         name: name of the solver, ``direct`` or ``amg``.
         defaults: default PETSc options of the KSP.
-        reduction: reduction of the residual by the last solve; 0 if unknown.
+        reduction: ratio of the final to the initial residual of the last solve; 0 if unknown.
         iterates_on_request: whether the user's options replace the factorisation by an iterative
             method.
     """
@@ -72,14 +73,14 @@ class LinearSolver(JacobianSolver):
 
         Args:
             ksp: linear solver of SNES.
-            remainder: collective function that maps a correction to the norm of the contact rows of
-                H after the correction.
+            remainder: collective function that maps a Newton correction to the norm of the contact
+                rows of H after this correction.
         """
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, evaluation: Evaluation, *, warm: bool
     ) -> None:
-        """Set tolerances and preconditioner for the step from an iterate. Collective.
+        """Set tolerances and preconditioner for the Newton step from an iterate. Collective.
 
         Args:
             ksp: linear solver of SNES.
@@ -90,7 +91,14 @@ class LinearSolver(JacobianSolver):
         """
 
     def retry(self, evaluation: Evaluation) -> bool:
-        """Return whether another preconditioner is available after a failed solve. Collective."""
+        """Provide another preconditioner after a failed solve. Collective.
+
+        Args:
+            evaluation: evaluation at the iterate of the failed step.
+
+        Returns:
+            Whether another preconditioner is available.
+        """
         return False
 
     def explain(self, ksp: PETSc.KSP) -> str:
@@ -102,13 +110,17 @@ class LinearSolver(JacobianSolver):
         return ""
 
     def tighten(self) -> bool:
-        """Tighten the tolerances after a cycle of statuses; return whether this was possible."""
+        """Tighten the tolerances of linear solves after a cycle of statuses.
+
+        Returns:
+            Whether this was possible.
+        """
         return False
 
 
 @dataclass(eq=False)
 class _Run:
-    """Arguments and progress of one run of Newton's method.
+    """Arguments and state of one run of Newton's method.
 
     Attributes:
         equations: contact problem.
@@ -117,10 +129,10 @@ class _Run:
         prescribed: statuses with which H is evaluated; None for the statuses determined by the
             unknowns.
         most: number of steps after which the run ends; None to end only at a solution.
-        history: statuses and largest relative residual of the iterates.
+        history: statuses and largest relative residual of each iterate.
         guess: statuses for the next Jacobian; None for the statuses of the iterate.
         warm: whether the run began from a state in contact.
-        floating: error that ended the run because a rigid motion is free; None without one.
+        floating: error that ended the run because nothing prevents a rigid motion; None otherwise.
     """
 
     equations: ContactEquations
@@ -150,9 +162,9 @@ class _Run:
 
 
 class Newton:
-    """SNES for a contact problem, a context manager. Collective, like its methods.
+    """Semismooth Newton method for a contact problem, a context manager that owns the SNES.
 
-    All runs share the force and length scales of the residual.
+    All methods are collective. All runs use the same force and length scales for the residual.
 
     Args:
         equations: contact problem.
@@ -295,7 +307,11 @@ class Newton:
         return self.run(x, attempt)
 
     def _retry(self, y: PETSc.Vec) -> None:
-        """Continue from ``y`` with other preconditioners as long as linear solves fail."""
+        """Continue with other preconditioners as long as linear solves fail.
+
+        Args:
+            y: latest iterate, from which the run continues.
+        """
         for again in range(_RETRIES):
             # A preconditioner that failed in its first step is not worth another of its kind.
             useless = again > 0 and self.snes.getIterationNumber() == 0
@@ -311,7 +327,7 @@ class Newton:
     # -- evaluation ------------------------------------------------------------------------------
 
     def _residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Write H(x) into ``b``."""
+        """Write the residual H(x) into ``b``."""
         b.array[:] = np.concatenate(self._run.at(x).rows)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
@@ -330,7 +346,10 @@ class Newton:
         self.linear.prepare(self.snes.getKSP(), step, self.tolerance, evaluation, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Correct the contact unknowns after the full step x - step; see `settle`."""
+        """Correct the contact unknowns after the full Newton step from ``x``.
+
+        The full step leads to x - step; ``step`` is changed by the correction (`_inexact.settle`).
+        """
         run = self._run
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
@@ -350,14 +369,14 @@ class Newton:
             run.latest = replace(state, unknowns=after.array_r.copy())
 
     def _remainder(self, correction: PETSc.Vec) -> float:
-        """Return the norm of the contact rows of H after a full step with this correction."""
+        """Return the norm of the contact rows of H after a full step with a given correction."""
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
         rows = self.equations.contact_rows(after, self._run.prescribed)
         return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
 
     def _is_solved(self, evaluation: Evaluation) -> bool:
-        """Return whether a full step has led to a solution."""
+        """Return whether the state after a full step is a solution."""
         if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
             return False  # the linear system was not solved accurately enough
         measures, _ = measure(self.equations, evaluation, self.scales)
@@ -366,7 +385,11 @@ class Newton:
     # -- convergence -----------------------------------------------------------------------------
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
-        """Record an iterate; return 0 to continue or the reason to stop."""
+        """Record an iterate and test convergence for SNES.
+
+        Returns:
+            Converged reason of SNES; 0 to continue.
+        """
         run = self._run
         evaluation = run.at(snes.getSolution())
         measures = self._measure(evaluation)
@@ -415,9 +438,9 @@ class Newton:
     def _measure(self, evaluation: Evaluation) -> Measures:
         """Return the relative residuals of a state.
 
-        The scales include the forces and lengths of the start. If an apparently converged state has
-        scales a million times smaller, these are used from then on, because relative to a distant
-        start any residual is small.
+        The scales include forces and lengths of the start, and relative to a distant start any
+        residual is small. Therefore, if an apparently converged state has scales a million times
+        smaller, its own scales are used from then on.
         """
         measures, self.scales = measure(self.equations, evaluation, self.scales)
         if measures.worst <= self.tolerance:
@@ -430,12 +453,17 @@ class Newton:
         return measures
 
     def _first_statuses(self, statuses: Statuses, evaluation: Evaluation) -> Statuses:
-        """Return the statuses for the first step; guess them if a body touches nothing.
+        """Return the statuses for the first step, guessed if a body touches nothing.
 
-        Without guesses the first step would move such a body into the obstacle, and in the second
+        Without a guess, the first step would move such a body into the obstacle, and in the second
         step all points inside the obstacle would be closed. Therefore points that are expected to
-        close stick in the first step. Prescribed statuses are not replaced. A line search needs the
-        step of H with its own statuses; statuses are then guessed only if a body would float.
+        close stick in the first step. With a line search, which needs the Newton step that belongs
+        to the statuses of the iterate, and with prescribed statuses, statuses are guessed only if a
+        body could move rigidly.
+
+        Args:
+            statuses: statuses of the start.
+            evaluation: evaluation of the start.
         """
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, evaluation)
@@ -445,7 +473,7 @@ class Newton:
         return statuses
 
     def _floats(self, statuses: Statuses, evaluation: Evaluation) -> bool:
-        """Return whether a rigid motion is free; if so, store the error in the run."""
+        """Return whether nothing prevents a rigid motion; if so, store the error in the run."""
         loose = self.equations.scaling.unrestrained_motions(statuses, evaluation)
         if loose:
             rigid = ", hold the rigid body" if self.equations.rigid.bodies else ""
@@ -461,7 +489,12 @@ class Newton:
         return bool(loose)
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
-        """Return whether earlier statuses recur although the residual has not halved."""
+        """Return whether earlier statuses recur although the residual has not been halved.
+
+        Args:
+            statuses: statuses of the latest iterate.
+            worst: largest relative residual of the latest iterate.
+        """
         others = [
             worst <= 0.5 * old_worst or any(c.any() for c in differs(statuses, old))
             for old, old_worst in self._run.history[:-1]
@@ -469,9 +502,14 @@ class Newton:
         return not all(anywhere(self.comm, *others))
 
     def _at_round_off(self, statuses: Statuses, worst: float) -> str:
-        """Return a message if the residual cannot decrease further, otherwise "".
+        """Return a message if the residual cannot decrease further because of round-off.
 
-        This is assumed if it stays small from step to step while no status changes.
+        This is assumed if the residual is small and no status has changed in the last steps. The
+        message is empty otherwise.
+
+        Args:
+            statuses: statuses of the latest iterate.
+            worst: largest relative residual of the latest iterate.
         """
         last = [old for old, _ in self._run.history[-2:]]
         changed = any(c.any() for old in last for c in differs(statuses, old))
@@ -483,7 +521,7 @@ class Newton:
         )
 
     def _explain(self) -> str:
-        """Return the reason for a failed SNES as text."""
+        """Return the reason why SNES failed, as text."""
         reasons = PETSc.SNES.ConvergedReason
         reason = self.snes.getConvergedReason()
         ksp, steps = self.snes.getKSP(), self.snes.getIterationNumber()
@@ -506,7 +544,18 @@ class Newton:
 def _restless(
     equations: ContactEquations, before: Statuses, after: Statuses
 ) -> dict[str, list[list[float]]]:
-    """Return coordinates of points whose statuses differ, at most five per surface. Collective."""
+    """Return coordinates of points whose status changed, at most five per surface.
+
+    Collective.
+
+    Args:
+        equations: contact problem.
+        before: statuses of the previous iterate.
+        after: statuses of the latest iterate.
+
+    Returns:
+        Coordinates by name of the surface.
+    """
     places = {}
     for s, changed in zip(equations.surfaces, differs(before, after), strict=True):
         everyone = sorted_rows(equations.comm, s.positions[changed])

@@ -18,7 +18,7 @@ strategies, in this order and each from the caller's state:
    friction: in 2D, for linear bodies fixed by Dirichlet data with contact at nodes.
 6. The load in increments that shrink and grow; before the line search for bodies that are not
    linear.
-7. The branch of solutions under a growing load, followed through its folds (`load_following`); not
+7. The branch of solutions while the load grows, followed through its folds (`load_following`); not
    if a rigid motion is free under the full load and under increments.
 
 The modules of the other strategies are loaded when full steps fail.
@@ -73,14 +73,14 @@ _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Starting points of a solve, and the strategies that it tries.
+    """Starting points of a solve, and whether it may use all strategies.
 
     Attributes:
-        expected: expected statuses, in order of decreasing likelihood.
+        expected: expected statuses, most likely first.
         extrapolated: owned unknowns from which Newton's method starts first; None if there are
             none.
         brief: whether to try only Newton's method with full steps, from these starting points and
-            from the state of the caller, for steps that may be shortened.
+            from the state of the caller; used for steps that may be shortened.
     """
 
     expected: Sequence[Statuses] = ()
@@ -99,7 +99,7 @@ def solve(
     progress: SolveProgress,
     trial: Trial,
 ) -> tuple[PETSc.Vec, list[Attempt]]:
-    """Solve a contact problem. Collective.
+    """Solve a contact problem, trying one strategy after another. Collective.
 
     Args:
         equations: contact problem.
@@ -111,7 +111,7 @@ def solve(
         trial: starting points of the solve, and whether only full Newton steps are tried.
 
     Returns:
-        Solution, and attempts of the strategies, of which the last one succeeded.
+        Unknowns of the solution, and attempts of the strategies, of which the last one succeeded.
 
     Raises:
         ValueError: on every rank, if data are not admissible (a load that is not finite, a negative
@@ -200,17 +200,19 @@ def _would_fail(name: str, attempts: Sequence[Attempt], inverting: Attempt | Non
 
 
 def _listed(places: Sequence[Sequence[float]]) -> str:
-    """Return coordinates of points as text."""
+    """Return the coordinates of points as text, for messages."""
     return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
 
 
 def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -> str:
-    """Return the message of a failed solve: possible causes, and the attempts. Collective.
+    """Return the error message of a failed solve: possible causes, and all attempts.
+
+    Collective.
 
     Args:
         eq: contact problem.
         attempts: attempts of all strategies.
-        failed: whether an iterative solver chosen by options failed, which ended the solve.
+        failed: whether the solve was ended by a failure of an iterative solver chosen by options.
     """
     lines = ["the contact problem was not solved:"]
     if eq.bulk.linear:
@@ -255,14 +257,14 @@ _Method: TypeAlias = Callable[[Newton, PETSc.Vec, Attempt], bool]
 
 @dataclass(frozen=True, eq=False)
 class _Strategy:
-    """Strategy of a solve: a function, and how it is called.
+    """Strategy of a solve: a function, and settings of its call.
 
     Attributes:
         name: name of the strategy.
         run: function that carries out the strategy.
         line_search: name of the line search of PETSc.
         is_newton: whether it is Newton's method, which may continue with the direct solver.
-        automatic: whether the automatic augmentation parameter replaces a forced one.
+        automatic: whether the automatic augmentation parameter replaces one chosen by the caller.
         limit: cost in Newton steps at which the strategy gives up; default: no limit.
     """
 
@@ -281,7 +283,15 @@ class _Strategy:
         x: PETSc.Vec,
         attempt: Attempt,
     ) -> bool:
-        """Solve from ``x``, which is overwritten, and return success. Collective."""
+        """Apply the strategy, and return whether it found a solution. Collective.
+
+        Args:
+            eq: contact problem.
+            linear: linear solver of the problem.
+            monitor: function called with every Newton iterate.
+            x: start, which is overwritten.
+            attempt: attempt recording the iterates.
+        """
         run = self.run
         with eq.scaling.automatic() if self.automatic else nullcontext():
             while True:
@@ -342,7 +352,16 @@ def strategies(
 
 
 def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
-    """Run Newton's method from given unknowns."""
+    """Run Newton's method from given unknowns, and return whether a solution was found.
+
+    Unknowns that turn the body inside out, or whose residual is not finite, are rejected.
+
+    Args:
+        solver: Newton's method.
+        x: vector that receives the solution.
+        attempt: attempt recording the iterates.
+        unknowns: owned unknowns at the start.
+    """
     eq = solver.equations
     x.array[:] = unknowns
     attempt.reason = inverted(eq, x)
@@ -359,7 +378,7 @@ def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Arr
 
 
 def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Run Lemke's method on the reduced problem."""
+    """Run Lemke's method on the condensed problem, then Newton's method from its solution."""
     from dolfinx_contact.algorithms.classical import start_by_lemke
 
     if solver.max_iterations < 1:
@@ -370,16 +389,20 @@ def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
-    """Solve under a load in increments (`ContactEquations.ramped`), starting at ``x``. Collective.
+    """Apply the load in increments (`ContactEquations.ramped`). Collective.
 
-    An increment that fails or turns the body inside out is quartered; the increment after a
-    successful one is doubled.
+    If no solution is found after an increment, or if the increment turns the body inside out, it is
+    repeated with a quarter of its size. After a successful increment, the next one is twice as
+    large.
 
     Args:
         solver: Newton's method.
         x: start; receives the solution.
         attempt: attempt recording the iterates.
         increments: initial number of increments.
+
+    Returns:
+        Whether the full load was reached.
     """
     eq = solver.equations
     first = step = 1.0 / increments

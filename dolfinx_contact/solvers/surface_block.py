@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The square block of the Jacobian on the contact nodes and all multipliers, factorised.
+"""Factorisation of the block of the Jacobian on the contact nodes and all multipliers.
 
 With the displacements u of the contact nodes c and the multipliers l, the block reads
 
     K_cc u + J_cl l = r_c,    J_lc u + J_ll l = r_l,
 
-where K is the stiffness and J_cl = -B^T W E, J_lc = -E^T W D_j B and J_ll = E^T W (I - D_t) E are
-the contact terms (`equations.jacobian`). `SurfaceBlock` factorises it as it is. Nodal contact has a
-diagonal J_cl, so that l = J_cl^-1 (r_c - K_cc u) is cheap, and `CondensedBlock` factorises the
-condensed system, which has the size of the displacements:
+where K_cc is the stiffness of the contact nodes, r_c and r_l are the right-hand sides, and
+J_cl = -B^T W E, J_lc = -E^T W D_j B and J_ll = E^T W (I - D_t) E are the contact terms
+(`equations.jacobian` defines the symbols). `SurfaceBlock` factorises the block without changes. In
+nodal contact J_cl is diagonal, so that l = J_cl^-1 (r_c - K_cc u) is cheap. `CondensedBlock` then
+factorises the condensed system, whose only unknowns are the displacements:
 
     (J_lc - J_ll J_cl^-1 K_cc) u = r_l - J_ll J_cl^-1 r_c
 
-in the rows of dofs with a multiplier, K_cc u = r_c in the others. With the 0-1 matrix T that gives
-the row of a multiplier to its dof, P = J_cl^-1 (0 for dofs without a multiplier) and
-Q = I - J_cl P - T J_ll P this is
+in the rows of dofs with a multiplier, and K_cc u = r_c in the other rows. Let the 0-1 matrix T map
+each multiplier to its dof, let P be J_cl^-1 (0 for dofs without a multiplier), and let
+Q = I - J_cl P - T J_ll P. The condensed system is then
 
     (T J_lc + Q K_cc) u = T r_l + Q r_c.
 """
@@ -40,14 +41,14 @@ _STRUCTURE = PETSc.Mat.Structure
 
 
 class SurfaceSet:
-    """Unknowns s of the contact surfaces: dofs of their nodes, then all multipliers.
+    """Unknowns s of the contact surfaces: displacement dofs of their nodes, then all multipliers.
 
     Attributes:
         local: local indices of s.
         displacement_count: number of displacement dofs in s.
         on_slave: mask of the displacement dofs on the slave side, which may have a multiplier of
             their own.
-        fixed: positions in s with Dirichlet data.
+        fixed: indices in s of the displacement dofs with Dirichlet data.
         of_all: index set of the unknowns s in the numbering of all unknowns.
         of_body: index set of the displacement dofs of s in the numbering of the stiffness.
         displacements: index set of the displacement dofs of s in the numbering of all unknowns.
@@ -77,14 +78,14 @@ class SurfaceSet:
 
 
 class SurfaceBlock:
-    """Direct solver of the assembled block on s, with displacements and multipliers.
+    """Direct solver of the block of the Jacobian on the unknowns of the contact surfaces.
 
-    It supports any coupling. For a diagonal coupling, `CondensedBlock` solves a system of half the
-    size.
+    The unknowns are displacements and multipliers, which may be coupled in any way. If each
+    multiplier acts on one dof only, `CondensedBlock` solves a system of half the size.
 
     Args:
-        operator: assembled Jacobian.
-        s: unknowns of the surface.
+        operator: Jacobian.
+        s: unknowns of the contact surfaces.
         prefix: prefix of the PETSc options of the direct solver.
 
     Attributes:
@@ -101,7 +102,12 @@ class SurfaceBlock:
         self._made: dict[str, PETSc.Mat] = {}
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
-        """Set the stiffness of the contact nodes, a matrix in the numbering of s. Collective."""
+        """Set the stiffness of the contact nodes. Collective.
+
+        Args:
+            square: rows and columns of the contact nodes in the stiffness, in the order of the
+                surface unknowns.
+        """
         rows, columns, values = triplets(square)
         n = len(self._s.local)
         places = (self._comm.exscan(n) or 0) + np.arange(self._s.displacement_count)
@@ -112,7 +118,7 @@ class SurfaceBlock:
         whole.destroy()
 
     def update(self) -> None:
-        """Assemble the block of the current operator and factorise it. Collective."""
+        """Assemble and factorise the block for the current values of the Jacobian. Collective."""
         A = self._operator
         made = self._made
         if A.contact is not self._contact:  # another pattern
@@ -129,10 +135,10 @@ class SurfaceBlock:
             present.destroy()
 
     def solve(self, residual: Array) -> Array:
-        """Solve for the unknowns s of the surface. Collective.
+        """Solve the block for the unknowns of the contact surfaces. Collective.
 
         Args:
-            residual: local part of the residual in the rows of s.
+            residual: local part of the right-hand side in the rows of these unknowns.
 
         Returns:
             Local part of the solution.
@@ -149,14 +155,26 @@ class SurfaceBlock:
         destroy(self.factor, *self._made.values())
 
     def _copy(self, name: str, A: PETSc.Mat) -> None:
-        """Copy a matrix, reusing the matrix of this name if it exists. Collective."""
+        """Store a copy of a matrix under a name. Collective.
+
+        If a matrix is already stored under this name, its storage is reused.
+        """
         if name in self._made:
             A.copy(self._made[name], structure=_STRUCTURE.SAME_NONZERO_PATTERN)
         else:
             self._made[name] = _keeping_pattern(A.copy())
 
     def _add(self, name: str, first: str, a: float, second: str) -> None:
-        """Compute A + a B, reusing the matrix of this name if it exists. Collective."""
+        """Store the sum A + a B of two stored matrices under a name. Collective.
+
+        If a matrix is already stored under this name, its storage is reused.
+
+        Args:
+            name: name of the sum.
+            first: name of A.
+            a: factor of B.
+            second: name of B.
+        """
         A = self._made[first]
         B = self._made[second]
         if name not in self._made:
@@ -185,11 +203,11 @@ class SurfaceBlock:
 
 
 class CondensedBlock(SurfaceBlock):
-    """Direct solver of the block on s that condenses the multipliers.
+    """Direct solver of the block on the surface unknowns that eliminates the multipliers first.
 
     Attributes:
         applies: whether every multiplier acts on a single slave dof or was removed, so that the
-            multipliers can be condensed.
+            multipliers can be eliminated.
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
@@ -235,9 +253,10 @@ class CondensedBlock(SurfaceBlock):
         self._without_dirichlet("K")
 
     def update(self) -> None:
-        """Condense and factorise the block of the current operator. Collective.
+        """Condense and factorise the block for the current values of the Jacobian. Collective.
 
-        Patterns never change: products, sums and the analysis of the LU are set up once.
+        Sparsity patterns never change, so products, sums and the symbolic factorisation are set up
+        only once.
         """
         contact = self._operator.contact
         s = self._s
@@ -253,15 +272,18 @@ class CondensedBlock(SurfaceBlock):
         self._factorise(self._without_dirichlet("block"))  # also with Dirichlet columns of J_lc
 
     def _multiply(self, name: str, first: str, second: str) -> None:
-        """Compute a product, reusing the matrix of this name if it exists. Collective."""
+        """Store the product of two stored matrices under a name. Collective.
+
+        If a matrix is already stored under this name, its storage is reused.
+        """
         A = self._made[first]
         self._made[name] = A.matMult(self._made[second], self._made.get(name))
 
     def solve(self, residual: Array) -> Array:
-        """Solve for the unknowns s of the surface. Collective.
+        """Solve the block for the unknowns of the contact surfaces. Collective.
 
         Args:
-            residual: local part of the residual in the rows of s.
+            residual: local part of the right-hand side in the rows of these unknowns.
 
         Returns:
             Local part of the solution.
@@ -292,7 +314,10 @@ def _keeping_pattern(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """Return ``A`` without stored zeros, which makes its factors sparser. Collective."""
+    """Return a copy of a matrix without stored zeros, whose factorisation is sparser.
+
+    Collective.
+    """
     indptr, columns, values = A.getValuesCSR()
     kept = values != 0
     before = np.concatenate([[0], np.cumsum(kept)])

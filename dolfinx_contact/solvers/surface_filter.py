@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Surface filter: preconditioner of a multigrid cycle and exact solves on the contact surface.
+"""Surface filter: preconditioner of a multigrid cycle and exact solves on the contact surface.
 
-Let s denote all dofs of the contact nodes and all multipliers, and E the inclusion of these
-unknowns. One application to a residual r is
+Let s denote the displacement dofs of the contact nodes and all multipliers, and let E insert values
+of these unknowns into a vector of all unknowns. With the Jacobian J, the preconditioner maps a
+residual r to z in three steps:
 
     z = E A_ss^-1 E^T r,   z += M (r - J z)_u,   z += E A_ss^-1 E^T (r - J z),
 
-where A_ss is the block of the Jacobian on s, factorised by a sparse LU, and M is a multigrid cycle
-of the stiffness that does not depend on the statuses (compare the AMG with filtering of Petrides,
-Hartland, Kolev et al., arXiv:2505.18576). After an application the residual vanishes on s, as if
-the multipliers were condensed exactly. If a Krylov method starts from an application
-(``-ksp_knoll``), all later vectors vanish on s as well, so that the first solve is skipped.
+where A_ss is the block of J on s, factorised by a sparse LU, the index u selects the displacement
+dofs, and M is a multigrid cycle of the stiffness, which does not depend on the statuses (compare
+the AMG with filtering of Petrides, Hartland, Kolev et al., arXiv:2505.18576). After an application
+the residual r - J z vanishes on s, as if the multipliers were condensed exactly. If a Krylov method
+starts from one application (``-ksp_knoll``), all later residuals vanish on s as well, so that the
+first of the three steps is skipped.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ _NEGLIGIBLE = 1e-8  # share of a residual on the surface that needs no solve bef
 
 
 class SurfaceFilter:
-    """Preconditioner of a `ContactOperator`.
+    """Preconditioner of a `ContactOperator`: multigrid between exact solves on the surface.
 
     Args:
         operator: Jacobian.
@@ -39,9 +41,9 @@ class SurfaceFilter:
 
     Attributes:
         cycle: PC of the displacement that approximates the inverse of the stiffness.
-        surface: unknowns s of the surface.
-        block: factorised block on the surface, with condensed multipliers if possible and not
-            disabled by ``<prefix>surface_condensed 0``.
+        surface: unknowns of the contact surfaces: displacement dofs and multipliers.
+        block: factorised block of the Jacobian on these unknowns. Multipliers are condensed if
+            possible, unless ``<prefix>surface_condensed 0`` is set.
     """
 
     def __init__(self, operator: ContactOperator, prefix: str):
@@ -61,10 +63,10 @@ class SurfaceFilter:
     # -- set-up ----------------------------------------------------------------------------------
 
     def update(self) -> None:
-        """Factorise the surface block of the current operator. Collective.
+        """Factorise the surface block for the current values of the Jacobian. Collective.
 
         Raises:
-            LinearSolverError: if it is singular.
+            LinearSolverError: if the block is singular.
         """
         with logged("ContactSurfaceLU"):
             if self.block is None:
@@ -129,21 +131,22 @@ class SurfaceFilter:
         z.array[s] += self.solve(rest)
 
     def is_on_surface(self, r: PETSc.Vec, share: float) -> bool:
-        """Return whether the norm of ``r`` on the surface exceeds a fraction of |r|. Collective.
+        """Return whether a residual is not negligible on the contact surface. Collective.
 
         Args:
             r: residual; for NaN the result is False.
-            share: fraction of the norm |r| of the whole residual.
+            share: the result is True if the norm of the entries on the surface exceeds this
+                fraction of the norm of all entries.
         """
         squares = np.array([np.sum(r.array_r[self.surface.local] ** 2), np.sum(r.array_r**2)])
         on_surface, whole = total(self.comm, squares)
         return bool(on_surface > share**2 * whole)
 
     def solve(self, residual: Array) -> Array:
-        """Solve for the unknowns s of the surface. Collective.
+        """Solve the surface block for the unknowns of the contact surfaces. Collective.
 
         Args:
-            residual: local part of the residual in the rows of s.
+            residual: local part of the right-hand side in the rows of these unknowns.
 
         Returns:
             Local part of the solution.
