@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """``python3 -m dolfinx_contact``: explore records, check stored proofs, list installed packages.
 
-``check`` runs the code of ``python3 dolfinx_contact/proofs/check_proof.py PROOF``, which needs only
-numpy, while this command imports the package and DOLFINx. After an installation by pip,
-``dolfinx_contact`` is the same command.
+``check`` runs the code of ``python3 dolfinx_contact/proofs/check_proof.py PROOF``. The latter
+command needs only numpy, while this one imports the package and DOLFINx. After an installation by
+pip, ``dolfinx_contact`` is the same command.
 """
 
 from __future__ import annotations
@@ -93,7 +93,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
-    """Parse arguments ``NAME=VALUE``; return the values by name.
+    """Parse command-line arguments of the form ``NAME=VALUE``; return the values by name.
+
+    Args:
+        words: arguments.
+        option: name of the option, for the message.
 
     Raises:
         ValueError: if an argument does not contain ``=``.
@@ -105,7 +109,11 @@ def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
 
 
 def _proofs(words: Sequence[str]) -> list[SolutionCount]:
-    """Check stored proofs, and return the proved solution counts. On one rank."""
+    """Check stored proofs, and return the solution counts that they prove. On one rank.
+
+    Args:
+        words: arguments of the form ``GAMMA=FILE`` with the file of the proof at a parameter gamma.
+    """
     found = []
     for gamma, file in _pairs(words, "--proof").items():
         number = float(gamma)
@@ -136,7 +144,7 @@ def _explore(args: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _info(comm: MPI.Comm) -> int:
-    """Print versions of the package, its dependencies and optional packages."""
+    """Print versions of the package, its dependencies and optional packages, on rank 0."""
     if comm.rank != 0:
         return 0
     scalar = PETSc.ScalarType.__name__  # type: ignore[attr-defined]

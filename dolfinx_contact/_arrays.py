@@ -25,11 +25,11 @@ _ROUND_OFF = 1e-12  # numbers relative to their scale that are printed as 0
 
 
 def as_text(value: float, scale: float, digits: int = 6) -> str:
-    """Return a number as text; round-off is printed as 0.
+    """Return a number as text; numbers that are round-off of ``scale`` are printed as 0.
 
     Args:
         value: number to print.
-        scale: magnitude to which round-off is compared, such as the largest magnitude in a column.
+        scale: magnitude of the data, such as the largest magnitude in a column.
         digits: number of significant digits.
     """
     return f"{value if abs(value) > _ROUND_OFF * scale else 0:.{digits}g}"

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Volumes of bilinear and trilinear cells and their change by a displacement, in UFL.
 
-A point of a cell is x = a_0 + sum_i a_i xi_i + sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3, with xi
-from -1/2 to 1/2. Integration of det dx/dxi term by term gives its volume
+A point of a cell with the reference coordinates xi_i, from -1/2 to 1/2, has the position x = a_0 +
+sum_i a_i xi_i + sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3 with vector coefficients a_i, b_ij and
+c. Integration of det dx/dxi term by term gives the volume of a hexahedron,
 
     [a_1, a_2, a_3] + ([a_1, b_12, b_13] + [b_12, a_2, b_23] + [b_13, b_23, a_3]) / 12,
 
@@ -13,7 +14,7 @@ meridian section of a body of revolution,
 
 where [...] are determinants, r_0 is the radius at the midpoint, and r_i = dr/dxi_i there. The
 volume does not depend on c. Determinants are linear in each column. Replacing one column at a time
-by the coefficients of the displacement therefore gives the integral of its divergence.
+by the coefficients of the displacement u therefore gives the integral of its divergence.
 
 All expressions must be evaluated at the midpoint of the cell. The coefficients a and b of u follow
 from its gradient and second derivatives at the midpoint, the coefficients of x from the vertices.
@@ -33,13 +34,14 @@ __all__ = ["Volumes", "volumes_of"]
 
 @dataclass(frozen=True)
 class Volumes:
-    """Cell volumes in UFL, to be evaluated at cell midpoints.
+    """Cell volumes as UFL expressions, to be evaluated at cell midpoints.
 
     Attributes:
         share: cell volume divided by the determinant of the Jacobian at the midpoint and, for a
             body of revolution, by the radius at the midpoint.
-        dilatation: cell mean of div u, including u_r / r for a body of revolution.
-        ratio: displaced volume over reference volume.
+        dilatation: cell mean of div u for the displacement u, including u_r / r for a body of
+            revolution.
+        ratio: displaced volume divided by reference volume.
     """
 
     share: Any
@@ -49,12 +51,13 @@ class Volumes:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Coefficients of a vector field on a cell.
+    """Coefficients of a vector field on a cell as a polynomial in reference coordinates.
 
     Attributes:
-        a: coefficients a_i of the linear terms.
-        b: coefficients b_ij of the bilinear terms, by (i, j).
-        r: midpoint value and first derivatives of the first component.
+        a: vector coefficient of each linear term xi_i.
+        b: vector coefficient of each bilinear term xi_i xi_j, by (i, j).
+        r: first component of the field at the midpoint, followed by its derivatives with respect to
+            the reference coordinates there.
     """
 
     a: list[Any]
@@ -94,7 +97,7 @@ def volumes_of(u: fem.Function, *, revolution: bool = False) -> Volumes:
 
 
 def _of_vertices(domain: Any) -> _Shape:
-    """Return the coefficients of the position x, computed from the vertices of the cell."""
+    """Return the coefficients of the position, computed from the vertices of the cell."""
     dim = domain.geometry.dim
     nodes = ufl.classes.CellVertices(domain)
     corners = [ufl.as_vector([nodes[k, i] for i in range(dim)]) for k in range(2**dim)]
@@ -111,7 +114,12 @@ def _of_vertices(domain: Any) -> _Shape:
 
 
 def _of_displacement(u: fem.Function, x: _Shape) -> _Shape:
-    """Return the coefficients of a displacement, computed from its derivatives at the midpoint."""
+    """Return the coefficients of a displacement, computed from its derivatives at the midpoint.
+
+    Args:
+        u: displacement.
+        x: coefficients of the position.
+    """
     gradient, second = ufl.grad(u), ufl.grad(ufl.grad(u))
     k, m, n = ufl.indices(3)
     a = [gradient * column for column in x.a]
@@ -131,7 +139,11 @@ def _area(p: _Shape, q: _Shape) -> Any:
 
 
 def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the hexahedron volume as a form linear in three fields, one per column."""
+    """Return the volume of a hexahedron as a form that is linear in each of three fields.
+
+    Its value is the volume if all fields are the position. Otherwise the fields determine the three
+    columns of the Jacobian.
+    """
     around = [
         [p.a[0], q.b[0, 1], s.b[0, 2]],
         [p.b[0, 1], q.a[1], s.b[1, 2]],
@@ -142,6 +154,14 @@ def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
 
 
 def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Integrate the radius (field p) over a quadrilateral (Jacobian columns q and s)."""
+    """Return the integral of a radius over a quadrilateral, linear in each of three fields.
+
+    The value is the integral if all three fields are the position.
+
+    Args:
+        p: coefficients of the field whose first component is the radius.
+        q: coefficients of the field in the first column of the Jacobian.
+        s: coefficients of the field in the second column of the Jacobian.
+    """
     total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
     return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12

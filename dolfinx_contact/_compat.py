@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compatibility layer for DOLFINx 0.9, 0.10 and 0.11.
 
-Features are detected instead of comparing version numbers. No other module may depend on the
-version of DOLFINx. A branch is removed when its version leaves the table in `docs/install.md`.
+Features are detected; version numbers are not compared. No other module may depend on the version
+of DOLFINx. The code for a version is removed when this version leaves the table in
+`docs/install.md`.
 """
 
 from __future__ import annotations
@@ -91,7 +92,16 @@ def tags_of_entities(
     entities: Ints,
     values: Indices,
 ) -> mesh.MeshTags:
-    """Create MeshTags of entities given on any rank by their input node numbers. Collective."""
+    """Create MeshTags of entities that are given by their input node numbers. Collective.
+
+    Each entity may be given on any rank.
+
+    Args:
+        domain: mesh.
+        dim: dimension of the entities.
+        entities: input node numbers of each entity, one row per entity.
+        values: tag of each entity.
+    """
     domain.topology.create_entities(dim)
     vertices, tags = io.distribute_entity_data(domain, dim, entities, values)
     domain.topology.create_connectivity(dim, 0)
@@ -101,14 +111,21 @@ def tags_of_entities(
 
 
 def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
-    """Return the argument ``entity_maps`` of ``fem.form`` for forms on these submeshes."""
+    """Return the argument ``entity_maps`` of ``fem.form`` for forms on the given submeshes."""
     if _HAS_ENTITY_MAP:
         return [s.entity_map for s in submeshes]
     return {s.mesh: s.entity_map for s in submeshes}
 
 
 def facet_integration_entities(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return a flat array of (cell, local facet) of owned exterior facets for UFL measures."""
+    """Return the integration entities of owned exterior facets, for UFL measures.
+
+    The array contains the pairs (cell, local facet index) one after the other.
+
+    Args:
+        domain: mesh.
+        facets: local indices of facets.
+    """
     args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
     if not _HAS_ENTITY_MAP:
         args += (domain.topology.dim - 1,)
@@ -124,7 +141,9 @@ def instantiated(
     original: ufl.Form,
     entity_maps: Any,
 ) -> fem.Form | None:
-    """Return a compiled form on the mesh of another form, as ``fem.form`` creates it.
+    """Return a DOLFINx form that uses compiled code, as ``fem.form`` creates it.
+
+    The Functions, Constants and mesh may differ from those for which the code was compiled.
 
     Args:
         ufcx: compiled form of FFCx.
@@ -132,11 +151,11 @@ def instantiated(
         spaces: function spaces of the arguments.
         functions: Functions in the order of ``ufcx``.
         constants: Constants in the order of ``ufcx``.
-        original: UFL form that has the same integrals as the compiled form.
+        original: UFL form that has the same integrals as the compiled form; its mesh is used.
         entity_maps: entity maps (`merge_entity_maps`), or None.
 
     Returns:
-        Compiled form; None for DOLFINx 0.10 and later, whose constructor differs.
+        DOLFINx form; None for DOLFINx 0.10 and later, whose constructor differs.
     """
     if _HAS_ENTITY_MAP:
         return None
@@ -166,20 +185,23 @@ def instantiated(
 
 
 def interpolation_points(V: fem.FunctionSpace) -> Array:
-    """Return the reference interpolation points (a method in 0.9, a property since 0.10)."""
+    """Return the interpolation points of a space on the reference cell.
+
+    They are returned by a method in DOLFINx 0.9 and stored in a property since 0.10.
+    """
     points = V.element.interpolation_points
     return points() if callable(points) else points
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:
-    """Return whether MeshTags refer to the topology of this mesh object."""
+    """Return whether MeshTags refer to the topology of the given mesh object."""
     mine = domain.topology
     theirs = tags.topology
     return getattr(mine, "_cpp_object", mine) is getattr(theirs, "_cpp_object", theirs)
 
 
 def is_mesh_of(domain: mesh.Mesh, space: Any) -> bool:
-    """Return whether a function space, in Python or C++, is defined on this mesh object."""
+    """Return whether a function space, in Python or C++, is defined on the given mesh object."""
     theirs = space.mesh
     return domain._cpp_object is getattr(theirs, "_cpp_object", theirs)
 

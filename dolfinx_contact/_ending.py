@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Reasons why a branch, path or history stopped: a kind, and a sentence with details."""
+"""Reasons why a branch, path or history stopped: a kind of reason and a detailed message."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ OTHER_CAUSE = "; the load or other data may have kinks or jumps in gamma there"
 class Ending(Enum):
     """Kind of reason why a branch, path or history stopped; its value is a default message.
 
-    Only `NO_SOLUTION` is a proof that no solution continues. After `NOT_FOUND` and `NOT_SOLVED` a
-    continuation may exist.
+    Only `NO_SOLUTION` is a proof that there is no continuation. After `NOT_FOUND` and `NOT_SOLVED`
+    a continuation may exist.
     """
 
     #: The end of the range of gamma, the last time, or rest.
@@ -46,7 +46,12 @@ class Ends:
     reason: str
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """Record why the process stopped; ``reason`` defaults to the message of the kind."""
+        """Record why the process stopped.
+
+        Args:
+            ending: kind of reason.
+            reason: message with details; default: message of the kind.
+        """
         self.ending = ending
         self.reason = reason or ending.value
 

@@ -16,9 +16,9 @@ __all__ = ["os_error", "part_of", "sync"]
 
 @contextmanager
 def part_of(file: Path) -> Iterator[Path]:
-    """Context manager: hidden file in the same folder that replaces ``file`` on exit.
+    """Context manager that provides a temporary file, which replaces ``file`` on exit.
 
-    Not collective.
+    The temporary file is hidden and in the same folder. Not collective.
 
     Args:
         file: path of the final file.
@@ -38,7 +38,7 @@ def part_of(file: Path) -> Iterator[Path]:
 
 
 def os_error(error: Exception, path: Path) -> OSError:
-    """Convert an error of a library that failed to write ``path`` into ``OSError``."""
+    """Return an ``OSError`` for an error of a library that failed to write ``path``."""
     if isinstance(error, OSError) and error.errno is not None:
         return OSError(error.errno, error.strerror, str(path))
     found = re.search(r"errno = (\d+)", str(error))  # in messages of ADIOS2
@@ -48,7 +48,7 @@ def os_error(error: Exception, path: Path) -> OSError:
 
 
 def sync(path: Path) -> None:
-    """Flush a file, or the entries of a folder, to disk."""
+    """Flush a file, or the list of entries of a folder, to disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

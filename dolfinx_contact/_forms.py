@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cache of compiled UFL forms, and evaluation of UFL at points outside quadrature rules.
 
-A look-up in FFCx's cache lists its folder, which may contain thousands of files. This cache has a
-folder for every first two letters of a signature.
+A look-up in FFCx's cache lists the cache folder, which may contain thousands of files. This package
+therefore uses a separate folder for each pair of first characters of a signature.
 
 Within a process, a compiled form is found by the signature of the form from which it is derived, so
 that neither derivatives nor signatures are computed again. In a signature, Functions and Constants
@@ -92,7 +92,7 @@ def derived_form(
     functions: Sequence[fem.Function] | None = None,
     entity_maps: Any = None,
 ) -> fem.Form:
-    """Compile a form that is derived from another form. Collective.
+    """Compile a form that is derived from another form, using a cache. Collective.
 
     Args:
         name: unique name of the derived form.
@@ -105,7 +105,7 @@ def derived_form(
         entity_maps: entity maps of submeshes in the form; default: none.
 
     Raises:
-        ValueError: as `compiled_form`.
+        ValueError: for the reasons listed in `compiled_form`.
     """
     key = name, original.signature()
     comm = original.integrals()[0].ufl_domain().ufl_cargo().comm
@@ -147,14 +147,14 @@ def _place(things: Sequence[Any], thing: Any) -> int:
 
 
 def _tags_agree(form: ufl.Form) -> bool:
-    """Return whether all integrals are on one mesh and share MeshTags per integral type."""
+    """Return whether all integrals are on one mesh, and those of one type share their MeshTags."""
     data = form.subdomain_data()
     kinds = [given for tags in data.values() for given in tags.values()]
     return len(data) == 1 and all(each is given[0] for given in kinds for each in given)
 
 
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
-    """Compile a form, or load it from the cache folder of its signature. Collective."""
+    """Compile a form, or load it from the folder of its signature in the cache. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     ((domain, tags),) = form.subdomain_data().items()
     for kind, given in tags.items():
@@ -175,7 +175,7 @@ def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
 
 
 def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> fem.Expression:
-    """Compile an expression at points of the reference cell. Collective.
+    """Compile a UFL expression for points of the reference cell. Collective.
 
     Args:
         e: UFL expression to evaluate.
@@ -189,10 +189,10 @@ def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> 
 def at_middle(dim: int) -> dict[str, Any]:
     """Return metadata of a one-point rule at the midpoint of quadrilaterals or hexahedra.
 
-    A second point nearby has zero weight. FFCx (0.9, 0.11) treats quantities that are constant over
-    the points of one rule, such as the Jacobian at a single point, as constant for all rules of an
-    integral. Combined with another rule, a rule of one point makes both values wrong for cells that
-    are not parallelograms.
+    The rule has a second point nearby with zero weight. Without this point, FFCx (0.9, 0.11) treats
+    quantities that are constant over the points of the rule, such as the Jacobian, as constant for
+    all rules of an integral. The values of all these rules are then wrong on cells that are not
+    parallelograms.
 
     Args:
         dim: dimension of the cells.
@@ -205,7 +205,7 @@ def at_middle(dim: int) -> dict[str, Any]:
 
 
 def is_of_cells(e: Any) -> bool:
-    """Return whether a UFL expression contains volume changes of cells (`_cell_volumes`).
+    """Return whether a UFL expression contains volume changes of whole cells (`_cell_volumes`).
 
     These are only defined at the midpoints of cells.
     """
@@ -226,11 +226,12 @@ def _at_middle(integral: ufl.Integral) -> bool:
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """Replace the one-point rules that FFCx would mix with other rules by `at_middle`.
+    """Replace one-point rules that FFCx would mix with other rules by the rule `at_middle`.
 
     Raises:
         ValueError: if FFCx would mix rules and `at_middle` does not help: on facets, where FFCx
-            (0.11) also adds up such rules wrongly, for custom rules, and for other cells.
+            (0.11) also adds up such rules wrongly, for custom rules, and for other cells than
+            quadrilaterals and hexahedra.
     """
     mixed = [
         len(form.integrals_by_type(integral.integral_type())) > 1 and _has_one_point(integral)
@@ -257,7 +258,10 @@ def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
 
 
 def _has_one_point(integral: ufl.Integral) -> bool:
-    """Return whether the user's rule for an integral has one point, on non-affine cells."""
+    """Return whether an integral over non-affine cells has a rule with one point.
+
+    An estimated degree does not count.
+    """
     domain = integral.ufl_domain()
     simplex = domain.ufl_cargo().topology.cell_type.name in ("interval", "triangle", "tetrahedron")
     if simplex and domain.ufl_coordinate_element().degree == 1:
@@ -272,7 +276,7 @@ def _has_one_point(integral: ufl.Integral) -> bool:
 
 @contextmanager
 def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
-    """Context manager: add a hint on the C compiler to errors of FFCx. Collective."""
+    """Context manager that adds a hint about the C compiler to errors of FFCx. Collective."""
     # Only rank 0 compiles and receives the error.
     with everywhere(comm, "compiling a form"):
         try:
@@ -299,7 +303,7 @@ def _folder(name: str) -> dict[str, Any]:
 
 
 def point_data(width: int) -> fem.Function:
-    """Return a Function with ``width`` values per cell, which are the data of one point."""
+    """Return a Function whose values on a cell are ``width`` data of one point."""
     points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
     element = basix.ufl.element("DG", "interval", 0, shape=(width,))
     return fem.Function(fem.functionspace(points, element))
@@ -322,10 +326,10 @@ class ScalarList:
 class PointValues:
     """Compiled UFL scalars, evaluated at any number of points. Only construction is collective.
 
-    Several evaluations are made if there are more points than cells.
+    The points are evaluated in batches as large as the number of cells of the mesh of ``w``.
 
     Args:
-        components: UFL scalars in ``w``.
+        components: UFL scalars that depend on the components of ``w``.
         w: Function with the data of a point, one component per datum; see `point_data`.
         comm: communicator of the ranks that compile together.
     """
@@ -342,7 +346,7 @@ class PointValues:
         """Return the values of the scalars at n points, shape (n, number of scalars).
 
         Args:
-            columns: data of the points, shape (n, components of ``w``).
+            columns: data of the points, one row per point, shape (n, components of ``w``).
         """
         n = len(columns)
         chunk = len(self._dofs)

@@ -55,7 +55,7 @@ _positions: dict[int, tuple[weakref.ref[Any], int, Array]] = {}
 
 
 def mesh_mark(domain: mesh.Mesh) -> int:
-    """Return a checksum of the nodes of a mesh on this rank, which changes if the mesh moves."""
+    """Return a checksum of the node coordinates of a mesh on this rank, to detect motion."""
     return zlib.crc32(np.ascontiguousarray(domain.geometry.x))
 
 
@@ -81,20 +81,25 @@ def rounded(x: Array) -> Array:
 
 
 def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
-    """Return the global indices of local indices of an index map, as an array of any shape."""
+    """Return the global indices for local indices of an index map, in the same shape.
+
+    Args:
+        index_map: index map.
+        local: local indices, any shape.
+    """
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
 
 
 def listed_pairs(lists: Sequence[Sequence[int]]) -> tuple[Ints, Ints]:
-    """Return all pairs (i, k) with k in ``lists[i]``, as two arrays."""
+    """Return all pairs (i, k) for which k is in ``lists[i]``, as an array of i and one of k."""
     sizes = [len(part) for part in lists]
     numbers = np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=sum(sizes))
     return np.repeat(np.arange(len(sizes)), sizes), numbers
 
 
 def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
-    """Return the index of the connected component of each graph vertex, shape (count,).
+    """Return, for each vertex of a graph, the index of its connected component, shape (count,).
 
     Args:
         count: number of vertices.
@@ -109,16 +114,17 @@ def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
 
 
 def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
-    """Return the curves formed by facets in 2D, sorted by the smallest vertex of each.
+    """Return the curves formed by facets in 2D, sorted by the smallest vertex number of each.
 
-    An open curve begins at the end with the smaller number. A closed curve begins and ends at its
-    vertex with the smallest number.
+    An open curve begins at the end with the smaller vertex number. A closed curve begins and ends
+    at its vertex with the smallest number.
 
     Args:
         facets: vertices of the facets, shape (n, 2).
 
     Returns:
-        For each curve, the numbers of its k facets in order and its vertices, shape (k + 1,).
+        For each curve of k facets, the indices of these facets in order, shape (k,), and its
+        vertices, shape (k + 1,).
     """
     at_vertex: dict[int, list[int]] = {}
     for number in range(len(facets)):
@@ -144,8 +150,9 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
     Args:
         x: positions, shape (n, dim).
-        ids: keys that distinguish points with equal coordinates, such as the sides of a crack,
-            independent of the ranks, shape (n, k); default: none.
+        ids: integer keys that distinguish points with equal coordinates, such as points on both
+            sides of a crack, independent of the distribution over ranks, shape (n, k); default:
+            none.
     """
     ids = np.zeros((len(x), 0), dtype=np.int64) if ids is None else ids
     least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
@@ -154,7 +161,12 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
 
 def _grouped(values: Array, least: float) -> Ints:
-    """Return the ranks of values in sorted order; a step of at most ``least`` is a tie."""
+    """Return the rank of each value in increasing order; nearly equal values share a rank.
+
+    Args:
+        values: values, shape (n,).
+        least: largest difference of consecutive values that share a rank.
+    """
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: Ints = np.zeros(len(values), dtype=np.int64)
@@ -168,10 +180,11 @@ class Gathered:
     Args:
         comm: communicator.
         x: positions of the points of this rank, shape (n, dim).
-        ids: keys that distinguish points with equal coordinates (`by_coordinates`), shape (n, k).
+        ids: integer keys that distinguish points with equal coordinates (`by_coordinates`), shape
+            (n, k).
 
     Attributes:
-        positions: positions of all points, in order, shape (number, dim).
+        positions: positions of all points, in order, shape (number of points, dim).
         mine: indices of the points of this rank among all points, shape (n,).
     """
 
@@ -191,11 +204,19 @@ class Gathered:
         return len(self.positions)
 
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Gather the values at the points of each rank, and return them in order. Collective."""
+        """Return values of all ranks in the order of all points. Collective.
+
+        Args:
+            values: one value or row for each point of this rank.
+        """
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Gather several arrays by name, each like `__call__`. Collective."""
+        """Return arrays of values of all ranks in the order of all points, by name. Collective.
+
+        Args:
+            values: arrays by name, each with one value or row for each point of this rank.
+        """
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
@@ -212,12 +233,22 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def tangential(v: Array, n: Array) -> Array:
-    """Project vectors onto the planes with unit normals n; shape (..., dim)."""
+    """Return the parts of vectors that are perpendicular to unit normals, shape (..., dim).
+
+    Args:
+        v: vectors, shape (..., dim).
+        n: unit normals, shape (..., dim).
+    """
     return v - dot(v, n)[..., None] * n
 
 
 def transformed(A: Array, v: Array) -> Array:
-    """Multiply matrices, shape (..., i, j), by vectors, shape (..., j); shape (..., i)."""
+    """Return the products of matrices and vectors, shape (..., i).
+
+    Args:
+        A: matrices, shape (..., i, j).
+        v: vectors, shape (..., j).
+    """
     return (A @ v[..., None])[..., 0]
 
 
@@ -227,11 +258,13 @@ def unit(v: Array) -> Array:
 
 
 def unit_rates(n: Array, length: Array) -> Array:
-    """Differentiate unit vectors n = m / |m| with respect to m; shape (..., dim, dim).
+    """Return the derivatives of unit vectors n = m / |m| with respect to m.
+
+    The shape is (..., dim, dim).
 
     Args:
         n: unit vectors, shape (..., dim).
-        length: lengths of the vectors m, shape (...,).
+        length: norms of the vectors m, shape (...,).
     """
     normal_part = n[..., :, None] * n[..., None, :]
     return (np.eye(n.shape[-1]) - normal_part) / length[..., None, None]
@@ -243,7 +276,13 @@ def plane_tangents(n: Array) -> Array:
 
 
 def unit_tangents(n: Array) -> Array:
-    """Return orthonormal tangents for m unit normals, as columns, shape (m, dim, dim - 1)."""
+    """Return orthonormal tangents for m unit normals, shape (m, dim, dim - 1).
+
+    The tangents are the columns of the matrix of each normal.
+
+    Args:
+        n: unit normals, shape (m, dim).
+    """
     if n.shape[1] == 2:
         return plane_tangents(n)[:, :, None]
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
@@ -252,22 +291,35 @@ def unit_tangents(n: Array) -> Array:
 
 
 def along_tangent(v: Array, n: Array) -> Array:
-    """Return the components of m vectors v in 2D along `plane_tangents` of n, shape (m,)."""
+    """Return the tangential components of m vectors in 2D, shape (m,).
+
+    Args:
+        v: vectors, shape (m, 2).
+        n: unit normals, shape (m, 2); the tangents are their `plane_tangents`.
+    """
     return v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1]
 
 
 def in_space(vectors: Array) -> Array:
-    """Return m vectors with three components, shape (m, 3); in 2D the z-component is 0."""
+    """Return m vectors as vectors with three components, shape (m, 3).
+
+    In 2D the z-component is 0.
+
+    Args:
+        vectors: vectors, shape (m, dim).
+    """
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def ratio(a: Array, b: Array) -> Array:
-    """Return a/b for arrays of one shape; 0 where b is not positive."""
+    """Return a/b for arrays of the same shape; 0 where b is not positive."""
     return np.divide(a, b, out=np.zeros_like(b), where=b > 0)
 
 
 def balls(x: Array) -> tuple[Array, Array]:
-    """Return one ball around each of n facets.
+    """Return a ball that contains each of n facets.
+
+    The centre is the mean of the corners.
 
     Args:
         x: corners of the facets, k per facet, shape (n, k, dim).
@@ -282,7 +334,8 @@ def balls(x: Array) -> tuple[Array, Array]:
 def area_vectors(x: Array) -> Array:
     """Return the area vectors of n facets, shape (n, dim).
 
-    The order of the corners determines the orientation.
+    The area vector is normal to the facet, and its norm is the area (length in 2D). The order of
+    the corners determines the orientation.
 
     Args:
         x: corners of the facets, k per facet, shape (n, k, dim).
@@ -295,7 +348,13 @@ def area_vectors(x: Array) -> Array:
 
 
 def area_vector_rates(x: Array) -> Array:
-    """Differentiate `area_vectors` with respect to the corners; shape (n, dim, k, dim)."""
+    """Return the derivatives of `area_vectors` with respect to the corners of the facets.
+
+    The shape is (n, dim, k, dim) for n facets with k corners.
+
+    Args:
+        x: corners of the facets, shape (n, k, dim).
+    """
     n, k, dim = x.shape
     rates = np.zeros((n, dim, k, dim))
     if dim == 2:
@@ -317,7 +376,10 @@ def area_vector_rates(x: Array) -> Array:
 def edges_of(x: Array) -> tuple[Array, Array]:
     """Return two edges of each 3D triangle, or both diagonals of each quadrilateral.
 
-    The corners of quadrilaterals are in tensor order.
+    The corners of quadrilaterals are in tensor-product order.
+
+    Args:
+        x: corners of the facets, shape (n, k, 3).
     """
     if x.shape[1] == 3:
         return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
@@ -325,7 +387,13 @@ def edges_of(x: Array) -> tuple[Array, Array]:
 
 
 def _crossing(v: Array) -> Array:
-    """Return the matrices C of cross products C w = v x w, shape (n, 3, 3)."""
+    """Return the matrices of the cross products with n vectors, shape (n, 3, 3).
+
+    The matrix C of a vector v satisfies C w = v x w for every vector w.
+
+    Args:
+        v: vectors, shape (n, 3).
+    """
     upper = np.zeros((len(v), 3, 3))
     upper[:, 0, 1] = -v[:, 2]
     upper[:, 0, 2] = v[:, 1]

@@ -2,8 +2,9 @@
 """Inexact Newton methods: forcing terms, and nonlinear elimination of a few unknowns.
 
 *Forcing terms* are the relative tolerances of the linear systems of Newton steps. The tolerance of
-step k is gamma (F_k / F_(k-1))^2, with the safeguard against accidental decreases (Eisenstat and
-Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
+step k is gamma (F_k / F_(k-1))^2, where F_k is the norm of the nonlinear residual at step k and
+gamma a constant factor, with the safeguard against accidental decreases (Eisenstat and Walker, SIAM
+J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
 
 1. While points change their status, the reduction of the residual does not predict the accuracy of
    the next linear model, so the tolerance keeps its largest value.
@@ -11,16 +12,18 @@ Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
    shrinks, because the inaccuracy of the solves may cause the changes.
 3. No step is solved more accurately than the tolerance of the whole solve requires.
 
-Within a linear solve the linear model is tested: its error is H after the present step, in the rows
-of the contact conditions. A linear residual that is smaller than this error need not be reduced
-further. (Choice 1 of Eisenstat and Walker compares the two after the solve.)
+Within a linear solve the linear model is tested: its error is the nonlinear residual after the
+present step, in the rows of the contact conditions. A linear residual that is smaller than this
+error need not be reduced further. (Choice 1 of Eisenstat and Walker compares the two after the
+solve.)
 
-*Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns: Newton steps
-for some rows and the corresponding unknowns, while all other unknowns are fixed (Lanzkron, Rose and
-Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber,
-J. Comput. Math. 27, 2009). Points at the edge of the contact thus find their status without a step
-of the whole body. A nearly incompressible body with held unknowns is too stiff for this; H then
-grows considerably, and the correction is discarded.
+*Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns. It consists of
+Newton steps for some rows and the corresponding unknowns, while all other unknowns are fixed
+(Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid,
+Graeser and Kornhuber, J. Comput. Math. 27, 2009). Points at the edge of the contact zone thus find
+their status without a step of the whole body. A nearly incompressible body in which other unknowns
+are fixed is too stiff for this; the residual then grows considerably, and the correction is
+discarded.
 """
 
 from __future__ import annotations
@@ -45,16 +48,18 @@ class Forcing:
         first: tolerance of the first step, which carries prescribed motions to the surface.
         warm: tolerance of a start close to a solution, where an inaccurate step would change
             statuses that are correct.
-        gamma: factor of the squared reduction (F_k / F_(k-1))^2 in the tolerance.
+        gamma: factor in the tolerance, by which the squared reduction of the residual in the last
+            step is multiplied.
         smallest: lower bound of all tolerances.
         tightest: smallest tolerance while statuses change.
         reserve: tolerance of the last step, relative to the reduction of the residual that is still
             required.
         near: multiple of the target residual; a step expected to end below this multiple is solved
             accurately enough to reach the target.
-        many: share of contact points; if the statuses of more points change in a step, the
+        many: fraction of the contact points; if the statuses of more points change in a step, the
             tolerance is ``largest``.
-        patience: steps without a new minimum of the residual before the tolerances shrink.
+        patience: number of steps without a new minimum of the residual after which the tolerances
+            shrink.
         looks: relative linear residual at which the linear model is tested first.
     """
 
@@ -75,11 +80,18 @@ class Forcing:
 
     @classmethod
     def in_motion(cls) -> Forcing:
-        """Return tolerances for time steps, whose systems are well conditioned by the mass."""
+        """Return tolerances for time steps, whose linear systems are well conditioned.
+
+        The mass matrix improves their conditioning.
+        """
         return cls(largest=1e-1, first=3e-2, warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
-        """Begin a nonlinear solve; ``warm`` indicates that its start is close to a solution."""
+        """Begin a nonlinear solve.
+
+        Args:
+            warm: whether the solve starts close to a solution.
+        """
         self._cap = self.warm if warm else self.largest  # largest tolerance at present
         self._last = 0.0  # residual of the last step
         self._eta = 0.0  # tolerance of the last step
@@ -103,7 +115,7 @@ class Forcing:
         Args:
             residual: relative residual of the present iterate.
             target: relative residual at which the solve ends.
-            changed: share of the points whose status changed in the last step.
+            changed: fraction of the points whose status changed in the last step.
         """
         self._waited = 0 if residual < self._least else self._waited + 1
         self._least = min(residual, self._least)
@@ -124,11 +136,16 @@ class Forcing:
         return self._eta
 
     def suffices(self, reduction: float, remainder: Callable[[], float]) -> bool:
-        """Return whether a linear solve may end, testing the linear model if due. Collective.
+        """Return whether a linear solve is accurate enough to end. Collective.
+
+        This is the case if the linear residual does not exceed the error of the linear model. The
+        error is evaluated only if a test is due.
 
         Args:
-            reduction: ratio of the linear residual to H at the beginning of the step.
-            remainder: function returning the error of the linear model, divided by the same H.
+            reduction: ratio of the linear residual to the nonlinear residual at the start of the
+                step.
+            remainder: function returning the error of the linear model, divided by the same
+                residual.
         """
         if reduction > self._next:
             return False
@@ -151,10 +168,13 @@ def settle(
     d: PETSc.Vec,
     rounds: int,
 ) -> tuple[bool, bool]:
-    """Correct ``x`` in place until a correction makes H grow considerably. Collective.
+    """Correct unknowns in place until a correction makes the residual grow. Collective.
+
+    The loop also ends if there is no correction or after a number of rounds. A correction with a
+    considerably larger residual is rejected.
 
     Args:
-        evaluate: function of (x, b) that writes H(x) into b.
+        evaluate: function of (x, b) that writes the residual at x into b.
         correct: function of (x, b, d) that stores in d the vector to be subtracted from x and
             returns whether there is a correction.
         x: unknowns, which are corrected.
@@ -163,8 +183,8 @@ def settle(
         rounds: largest number of corrections.
 
     Returns:
-        Whether ``x`` has changed; and whether the last evaluation of H was at ``x``, rather than at
-        a rejected state.
+        Whether ``x`` has changed; and whether the last evaluation of the residual was at ``x``,
+        rather than at a rejected state.
     """
     changed = False
     at_x = True

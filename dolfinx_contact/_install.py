@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Modules loaded on first use, missing packages, and a foreign MPI launcher.
+"""Modules loaded on first use, missing packages, and detection of the wrong MPI launcher.
 
 Wheels of DOLFINx contain an MPI library, whose ``mpiexec`` is next to the interpreter. The
-``mpirun`` of another MPI starts N runs of one rank each instead of one run with N ranks.
+``mpirun`` of another MPI library starts N runs of one rank each instead of one run with N ranks.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str],
 def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:
     """Raise ``RuntimeError`` if the launcher of another MPI started N runs of one rank each.
 
-    Nothing is checked without mpi4py, because then only journals can be read.
+    Nothing is checked if mpi4py is not installed, because then only journals can be read.
 
     Args:
         environ: environment of this process.
@@ -95,11 +95,12 @@ def optional(package: str, extra: str, *, in_debian: bool = True) -> Any:
 
     Args:
         package: name of the package or of a module in it.
-        extra: extra of this distribution containing the package.
+        extra: extra of this distribution (as in ``pip install "name[extra]"``) that contains the
+            package.
         in_debian: whether Debian's package suffices.
 
     Raises:
-        ModuleNotFoundError: naming the package and the extra, if it is not installed.
+        ModuleNotFoundError: naming the package and the extra, if the package is not installed.
     """
     try:
         return import_module(package)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """MPI: errors on all ranks, comparison of arguments, shared values, and the lifetime of meshes.
 
-A few numbers are sent through MPI's buffers: the lower-case methods of mpi4py pickle arrays, which
-takes twenty times as long, as much as the evaluation of a law at a few contact points.
+A few numbers are sent through MPI's buffers, because the lower-case methods of mpi4py pickle
+arrays. Pickling takes twenty times as long, which is as long as the evaluation of a law at a few
+contact points.
 """
 
 from __future__ import annotations
@@ -79,10 +80,10 @@ def require(comm: MPI.Comm, ok: bool, message: str) -> None:
 def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
     """Context manager that raises an error of one rank on every rank. Collective on exit.
 
-    It is used for code of the user and for local work that may fail. All ranks raise the error of
+    It is used for the user's code and for local work that may fail. All ranks raise the error of
     the lowest failed rank, with its traceback as a note; KeyboardInterrupt and SystemExit are
-    included. If the other ranks wait inside the context for communication with the failed rank,
-    the run is aborted with the traceback after some time.
+    included. If the other ranks wait inside the context for communication with the failed rank, the
+    failed rank prints the traceback after some time and aborts the run.
 
     Args:
         comm: communicator.
@@ -115,9 +116,14 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
 
 
 def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
-    """Return the error of the lowest failed rank; on that rank, it is the same object.
+    """Return the error of the lowest failed rank. Collective.
 
-    Collective. On other ranks it is a copy.
+    On that rank it is the same object, on other ranks a copy with the traceback as a note.
+
+    Args:
+        comm: communicator.
+        failure: error on this rank; None if it did not fail.
+        what: description of the work for the note.
     """
     sent = None
     if failure is not None:
@@ -186,7 +192,7 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
 
 
 def _differing_parts(*texts: str) -> list[str]:
-    """Shorten long texts to the neighbourhood of their first difference."""
+    """Return excerpts of long texts around their first difference."""
     same = len(os.path.commonprefix(texts))  # noqa: RUF071 (of characters, not of folders)
     begin = max(0, same - _SHOWN // 2)
     return [
@@ -255,7 +261,7 @@ def collective(
 
 
 def _communicator_of(value: Any) -> MPI.Comm | None:
-    """Return the communicator of an argument or of its first item, or None."""
+    """Return the communicator of an argument or of its first item; None if it has none."""
     if isinstance(value, MPI.Comm):
         return value
     for name in _WHERE:
@@ -267,7 +273,7 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
 
 
 class _Words(str):
-    """Text shown in messages in place of the value of an argument."""
+    """Text that is shown in messages in place of the `repr` of an argument."""
 
     __slots__ = ()
 
@@ -279,7 +285,10 @@ _GIVEN = _Words("given")
 
 
 def _comparable(value: Any) -> Any:
-    """Return the value used to compare an argument, or a marker that it is present."""
+    """Return a value by which ranks compare an argument.
+
+    For objects that are not compared by value, it is a marker that they are present.
+    """
     if isinstance(value, np.generic | np.ndarray) and value.dtype != object:
         value = value.tolist()
     if isinstance(value, float):
@@ -312,8 +321,9 @@ def _comparable(value: Any) -> Any:
 class SharedValues:
     """Exchange of values at the local indices of an index map, owned indices first.
 
-    DOLFINx creates neighbourhood communicators for every vector, a collective call of a millisecond
-    or more. This object is therefore reused: it creates one vector for each number of entries.
+    DOLFINx creates neighbourhood communicators for every vector, in a collective call that takes a
+    millisecond or more. This object is therefore reused: it creates one vector for each number of
+    entries.
 
     Args:
         index_map: index map, for example of nodes.
@@ -330,7 +340,8 @@ class SharedValues:
     def zeros(self, width: int) -> la.Vector:
         """Return the cached vector with ``width`` entries per index, set to 0.
 
-        Collective at the first call. The next call of any method with this width overwrites it.
+        Collective at the first call for a width. The next call of any method with the same width
+        overwrites the vector.
         """
         vector = self._vectors.get(width)
         if vector is None:
@@ -356,11 +367,22 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def marked(self, places: npt.NDArray[np.integer]) -> Mask:
-        """Return a mask of the local indices listed on any rank, shape (n,). Collective."""
+        """Return a mask of the local indices that are listed on at least one rank. Collective.
+
+        Args:
+            places: local indices listed on this rank.
+        """
         return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:
-        """Return values at all local indices, shape (n, *s), from the owned values. Collective."""
+        """Return values at all n local indices, given the values at owned ones. Collective.
+
+        Args:
+            values: values at the owned indices, shape (owned indices, *s) with any shape s.
+
+        Returns:
+            Values including ghosts, shape (n, *s).
+        """
         shape = values.shape[1:]
         v, rows = self._rows(shape)
         owned = self.index_map.size_local
@@ -369,14 +391,18 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
-        """Return a vector for values of this shape, and a view of it, shape (n, entries)."""
+        """Return the cached vector for values of a shape, and its array as rows.
+
+        Args:
+            shape: shape of the value at one index.
+        """
         width = int(np.prod(shape, dtype=int))
         v = self.zeros(width)
         return v, v.array.reshape(self._size, width)
 
 
 def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
-    """Return sums over all ranks of numbers of any shape, as floats. Collective.
+    """Return the sums over all ranks, for each entry of an array, as floats. Collective.
 
     Values are converted to floats, because sums of empty arrays may be integers on some ranks, and
     MPI would mix the types.
@@ -388,7 +414,10 @@ def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
 
 
 def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
-    """Return entrywise maxima over all ranks; NaN if a rank has NaN. Collective."""
+    """Return the largest value over all ranks, for each entry of an array. Collective.
+
+    An entry is NaN if it is NaN on any rank.
+    """
     local = np.ascontiguousarray(values, dtype=np.float64)
     maxima = np.empty_like(local)
     comm.Allreduce(local, maxima, op=_LARGEST)
@@ -396,37 +425,42 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
 
 
 def sorted_rows(comm: MPI.Comm, rows: Array) -> list[list[float]]:
-    """Gather rows of shape (n, k) from all ranks, in lexicographic order. Collective."""
+    """Return the rows of arrays on all ranks, sorted lexicographically. Collective.
+
+    Args:
+        comm: communicator.
+        rows: rows of this rank, shape (n, k).
+    """
     return sorted(row for part in comm.allgather(rows.tolist()) for row in part)
 
 
 def maximum(comm: MPI.Comm, values: npt.ArrayLike, initial: float = 0.0) -> float:
-    """Return the largest number of all ranks, at least ``initial``. Collective."""
+    """Return the largest number on all ranks, or ``initial`` if that is larger. Collective."""
     return float(comm.allreduce(float(np.max(values, initial=initial)), op=max))
 
 
 def minimum(comm: MPI.Comm, values: npt.ArrayLike, initial: float = 0.0) -> float:
-    """Return the smallest number of all ranks, at most ``initial``. Collective."""
+    """Return the smallest number on all ranks, or ``initial`` if that is smaller. Collective."""
     return float(comm.allreduce(float(np.min(values, initial=initial)), op=min))
 
 
 def count_of(comm: MPI.Comm, mask: npt.ArrayLike) -> int:
-    """Return the number of entries set in the masks of all ranks. Collective."""
+    """Return the number of true entries in the masks of all ranks. Collective."""
     return int(comm.allreduce(int(np.count_nonzero(mask))))
 
 
 def any_rank(comm: MPI.Comm, flags: npt.ArrayLike) -> bool:
-    """Return whether a flag is set on any rank. Collective."""
+    """Return whether at least one flag is set on at least one rank. Collective."""
     return anywhere(comm, bool(np.any(flags)))[0]
 
 
 def all_ranks(comm: MPI.Comm, flags: npt.ArrayLike) -> bool:
-    """Return whether all flags are set on all ranks. Collective."""
+    """Return whether every flag is set on every rank. Collective."""
     return not anywhere(comm, not np.all(flags))[0]
 
 
 def anywhere(comm: MPI.Comm, *flags: bool) -> list[bool]:
-    """Return for each of several flags whether it is set on any rank. Collective."""
+    """Return, for each of several flags, whether it is set on at least one rank. Collective."""
     local = np.array(flags, dtype=bool)
     anywhere_set = np.empty_like(local)
     comm.Allreduce(local, anywhere_set, op=MPI.LOR)
@@ -434,7 +468,7 @@ def anywhere(comm: MPI.Comm, *flags: bool) -> list[bool]:
 
 
 def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:
-    """MPI operation: entrywise maximum that propagates NaN, unlike ``MPI.MAX``."""
+    """MPI operation for the entrywise maximum; unlike ``MPI.MAX``, it propagates NaN."""
     target = np.frombuffer(other, dtype=np.float64)
     np.maximum(np.frombuffer(one, dtype=np.float64), target, out=target)
 
@@ -457,7 +491,7 @@ _ALONE = 2  # references to a mesh that nothing else uses: this list, and the ca
 
 
 def keep(domain: mesh.Mesh) -> None:
-    """Keep a mesh alive until it is unused and all ranks can free it together. Collective."""
+    """Keep a mesh alive until all ranks can free it together after its last use. Collective."""
     if _collected not in gc.callbacks:
         gc.callbacks.append(_collected)
     _free()
@@ -467,9 +501,9 @@ def keep(domain: mesh.Mesh) -> None:
 
 
 def _free() -> None:
-    """Free the meshes that are not used elsewhere.
+    """Free the kept meshes to which no other reference exists.
 
-    The garbage collection of Python may run at any point of the loop and call this function again.
+    Python's garbage collection may run at any point of the loop and call this function again.
     """
     global _freeing
     if _freeing:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """PETSc: options of problems, events and stages of ``-log_view``, errors, matrices, factorisations.
 
-Options in PETSc's database (the command line, PETSC_OPTIONS) take precedence over options of a
-problem. Options that this package reads itself are validated, as are options of SNES that would
-replace the tests and matrices of this package. All others are PETSc's: it reports wrong values. A
-warning names the options of a problem that PETSc has not read; ``-options_left`` lists those of the
-command line.
+Options in PETSc's database (from the command line or PETSC_OPTIONS) take precedence over options of
+a problem. Options that this package reads itself are validated, as are options of SNES that would
+replace the convergence tests and matrices of this package. PETSc reads all other options and
+reports wrong values. A warning names the options of a problem that PETSc has not read;
+``-options_left`` lists those of the command line.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ _NOT_HERE = {
 def parse_arguments(
     parser: argparse.ArgumentParser, argv: Sequence[str] | None = None
 ) -> argparse.Namespace:
-    """Parse a script's command line, leaving PETSc's options to PETSc.
+    """Parse the command line of a script, and pass PETSc's options on to PETSc.
 
     Arguments that are unknown to the parser and begin with one dash and a letter, such as
     ``-contact_snes_monitor``, are added to PETSc's database with their values. Other unknown
@@ -105,7 +105,7 @@ def parse_arguments(
 
 
 def _is_option(word: str) -> bool:
-    """Return whether a word of a command line is the name of an option; ``-1`` is a value."""
+    """Return whether a word of a command line is the name of an option, unlike ``-1``."""
     return bool(re.match(r"-[A-Za-z_]", word))
 
 
@@ -113,7 +113,7 @@ def _is_option(word: str) -> bool:
 def options_in_database(
     prefix: str, options: Mapping[str, Any], *, read: set[str] | None = None
 ) -> Iterator[None]:
-    """Context manager: ``options`` are in PETSc's database under ``prefix``.
+    """Context manager that puts options into PETSc's database and removes them on exit.
 
     Options that are already in the database (command line, PETSC_OPTIONS) take precedence.
 
@@ -137,18 +137,18 @@ def options_in_database(
 
 @cache
 def _library() -> ctypes.CDLL:
-    """Return PETSc's C library, for functions that petsc4py does not have."""
+    """Return PETSc's C library, for functions that petsc4py does not provide."""
     return ctypes.CDLL(PETSc.__file__)
 
 
 def _require_success(error: int) -> None:
-    """Raise ``PETSc.Error`` for an error code of PETSc."""
+    """Raise ``PETSc.Error`` if the return value of a PETSc function is an error code."""
     if error:
         raise PETSc.Error(error)
 
 
 def _is_read(key: str) -> bool:
-    """Return whether PETSc has read an option of its database."""
+    """Return whether PETSc has read an option in its database."""
     database = PETSc.Options()
     if hasattr(database, "used"):  # since petsc4py 3.23
         return bool(database.used(key))
@@ -159,7 +159,7 @@ def _is_read(key: str) -> bool:
 
 
 def in_database(prefix: str) -> dict[str, str]:
-    """Return the options in the database that begin with a prefix, named without the prefix.
+    """Return the options in the database with a prefix, by name without the prefix.
 
     The result is empty for an empty prefix.
     """
@@ -179,7 +179,7 @@ class ProblemOptions:
 
     Attributes:
         prefix: prefix of the options.
-        given: options of the user.
+        given: the user's options, named without the prefix.
         read: names of the options that PETSc has read in solves.
     """
 
@@ -223,7 +223,10 @@ class ProblemOptions:
                 one_of(value, name, _SNES_TYPES)
 
     def value(self, name: str) -> str | None:
-        """Return an option: from the database, otherwise from the user; None if it is unset."""
+        """Return the value of an option, from the database or otherwise from the user.
+
+        It is None if the option is not set.
+        """
         database = PETSc.Options()
         if database.hasName(self.prefix + name):
             return str(database.getString(self.prefix + name))
@@ -231,7 +234,7 @@ class ProblemOptions:
         return None if value is None else str(value)
 
     def unread(self) -> str:
-        """Return a warning about the options of the user that PETSc has not read; "" without any.
+        """Return a warning about the user's options that PETSc has not read; "" if there are none.
 
         Options of components that a solve may not use, such as multigrid, are not reported.
         """
@@ -241,9 +244,9 @@ class ProblemOptions:
         return f"PETSc has not read {', '.join(names)}: {reasons}" if names else ""
 
     def beside_newton(self) -> dict[str, str]:
-        """Return the user's options without those of SNES.
+        """Return the user's options except those of SNES.
 
-        The option ``linear_solver`` of the database takes precedence.
+        For the option ``linear_solver``, the value in the database takes precedence.
         """
         found = {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
         kind = self.value("linear_solver")
@@ -255,7 +258,7 @@ class ProblemOptions:
 
 @contextmanager
 def as_raised() -> Iterator[None]:
-    """Context manager that reraises the original exception of Python callbacks of PETSc.
+    """Context manager that reraises the original exception of a Python callback of PETSc.
 
     PETSc itself reports "error code -1". The PETSc objects of the failed call must not be used
     again, because their vectors may be locked.
@@ -295,30 +298,40 @@ def reasons_of(ksp: PETSc.KSP) -> str:
 
 
 def reason_name(reasons: Any, value: int) -> str:
-    """Return PETSc's name of a converged or diverged reason."""
+    """Return PETSc's name of the reason for which a solver converged or diverged.
+
+    Args:
+        reasons: class of petsc4py with the reasons as attributes.
+        value: code of the reason.
+    """
     names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
     return max(names, key=len, default=str(value))
 
 
 def half_of(A: PETSc.Mat) -> PETSc.Mat:
-    """Return the upper block triangle of a symmetric AIJ matrix (SBAIJ format). Collective.
+    """Return the upper block triangle of a symmetric AIJ matrix, in SBAIJ format. Collective.
 
-    Matrix-vector products take 0.4 to 0.65 times as long. The conversion takes as long as 20 to 35
-    products.
+    Matrix-vector products take 0.4 to 0.65 times as long as with the AIJ matrix. The conversion
+    takes as long as 20 to 35 products.
     """
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return A.convert("sbaij", PETSc.Mat())
 
 
 def destroy(*objects: Any) -> None:
-    """Destroy objects of PETSc, or owners of such objects; None is skipped. Collective."""
+    """Destroy PETSc objects, or objects with a method ``destroy``; None is skipped. Collective."""
     for thing in objects:
         if thing is not None:
             thing.destroy()
 
 
 def product(A: PETSc.Mat, values: Array) -> Array:
-    """Return the owned entries of A x, where ``values`` begins with x. Collective."""
+    """Return the owned entries of a matrix-vector product A x. Collective.
+
+    Args:
+        A: matrix.
+        values: owned entries of x, which may be followed by other values.
+    """
     x, y = A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
     A.mult(x, y)
@@ -328,7 +341,11 @@ def product(A: PETSc.Mat, values: Array) -> Array:
 
 
 def forget_product(A: PETSc.Mat) -> None:
-    """Free the data that a matrix product ``A`` keeps for its recomputation. Collective."""
+    """Free the data that PETSc keeps to recompute a product of matrices. Collective.
+
+    Args:
+        A: product of matrices.
+    """
     _require_success(_library().MatProductClear(ctypes.c_void_p(A.handle)))
 
 
@@ -352,7 +369,7 @@ logged = PETSc.Log.Event
 
 @contextmanager
 def staged(name: str) -> Iterator[None]:
-    """Context manager or decorator that logs a block or function as a stage of ``-log_view``."""
+    """Context manager or decorator that logs a block or function as a ``-log_view`` stage."""
     stage = PETSc.Log.Stage(name)
     stage.push()
     try:
@@ -365,7 +382,9 @@ def staged(name: str) -> Iterator[None]:
 
 
 class Entries:
-    """Sparse assembly of matrix entries from triplets; duplicates are summed, also across ranks.
+    """Repeated assembly of sparse matrix entries with fixed rows and columns.
+
+    Values at the same row and column are summed, also across ranks.
 
     Args:
         rows: global row numbers, shape (n,); entries with a negative row or column are omitted.
@@ -394,18 +413,24 @@ class Entries:
         self._columns = j.astype(PETSc.IntType)
 
     def numbers(self, rows: int) -> Ints:
-        """Return the number of entries in each of the first ``rows`` rows."""
+        """Return the number of distinct columns in each of the first ``rows`` rows."""
         return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
             np.int64
         )
 
     def add(self, values: Array, A: PETSc.Mat) -> None:
-        """Add values, in the order of the triplets, to ``A`` and assemble it. Collective."""
+        """Add values to a matrix, and assemble it. Collective.
+
+        Args:
+            values: values of the entries, in the order of rows and columns at construction, shape
+                (n,).
+            A: matrix.
+        """
         self.insert(values, A)
         A.assemble()
 
     def insert(self, values: Array, A: PETSc.Mat) -> None:
-        """Add values like `add`, without assembling ``A``. Not collective."""
+        """Add values to a matrix like `add`, without assembling the matrix. Not collective."""
         summed = values[self._kept]
         if self._sums is not None:
             sums = np.bincount(self._sums, weights=summed, minlength=self._size)
@@ -415,7 +440,7 @@ class Entries:
 
 
 def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETSc.Mat:
-    """Return a zero matrix whose sparsity pattern contains given entries. Collective.
+    """Return a zero matrix whose sparsity pattern contains the given entries. Collective.
 
     Args:
         comm: communicator.
@@ -438,7 +463,7 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
 def triplets(
     A: PETSc.Mat,
 ) -> tuple[Ints, Ints, Array]:
-    """Return the global row, global column and value of each entry of this rank."""
+    """Return the global row, global column and value of each matrix entry of this rank."""
     indptr, columns, values = A.getValuesCSR()
     first, last = A.getOwnershipRange()
     rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
@@ -446,7 +471,7 @@ def triplets(
 
 
 def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
-    """Stack matrices with the same columns below each other, as AIJ. Collective."""
+    """Stack matrices with the same columns on top of each other, in AIJ format. Collective."""
     nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
     whole = nest.convert("aij", PETSc.Mat())
     nest.destroy()
@@ -460,7 +485,9 @@ def triplet_matrix(
     columns: Ints,
     values: Array,
 ) -> PETSc.Mat:
-    """Return the matrix with given entries; duplicates are summed, also across ranks. Collective.
+    """Return the matrix with given entries. Collective.
+
+    Values at the same row and column are summed, also across ranks.
 
     Args:
         comm: communicator.
@@ -492,7 +519,7 @@ _SYMMETRIC = 1e-12  # relative difference to the transpose that counts as round-
 
 
 class Factor:
-    """Direct solver with successive factorisations of matrices. All methods are collective.
+    """Direct solver that factorises one matrix after another. All methods are collective.
 
     Args:
         comm: communicator.
@@ -537,14 +564,14 @@ class Factor:
             self.ksp.setFromOptions()
 
     def options(self) -> AbstractContextManager[None]:
-        """Context manager that puts the options into the database.
+        """Context manager that puts the options of this solver into PETSc's database.
 
         It is used at every set-up, because MUMPS reads its options then.
         """
         return options_in_database(self._prefix, self.defaults)
 
     def factorise(self, A: PETSc.Mat) -> bool:
-        """Factorise ``A``; return False for a singular matrix or entries that are not finite.
+        """Factorise a matrix; return False if it is singular or has entries that are not finite.
 
         Entries are checked first, because MUMPS may crash on entries that are not finite.
         """
@@ -574,15 +601,26 @@ class Factor:
         return pc.getFactorMatrix().getMumpsInfog(1) in _NO_ROOM
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve A x = b and return whether this succeeded."""
+        """Solve the linear system A x = b with the factorised matrix A.
+
+        Args:
+            b: right-hand side.
+            x: vector to which the solution is written.
+
+        Returns:
+            Whether the solve succeeded.
+        """
         self.ksp.solve(b, x)
         return bool(self.ksp.getConvergedReason() > 0)
 
     def solve_columns(self, loads: Columns) -> PETSc.Mat:
-        """Solve A X = B; return the dense matrix X, to be destroyed by the caller.
+        """Solve A X = B with the factorised matrix A for many right-hand sides.
 
         Args:
-            loads: owned rows of B, shape (n, k).
+            loads: owned rows of B as sparse columns, shape (n, k).
+
+        Returns:
+            Dense matrix X, to be destroyed by the caller.
         """
         pc = self.ksp.getPC()
         factor = pc.getFactorMatrix()
@@ -609,12 +647,12 @@ class Factor:
 
     @property
     def determinant_sign(self) -> float:
-        """Sign of the determinant, from MUMPS."""
+        """Sign of the determinant of the factorised matrix, from MUMPS."""
         return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
 
     @property
     def inertia(self) -> tuple[int, int, int]:
-        """Numbers of negative, zero and positive eigenvalues of a symmetric matrix."""
+        """Numbers of negative, zero and positive eigenvalues of the factorised symmetric matrix."""
         negative, zero, positive = self.ksp.getPC().getFactorMatrix().getInertia()
         return int(negative), int(zero), int(positive)
 
@@ -631,7 +669,8 @@ class Factor:
 def is_symmetric(A: PETSc.Mat) -> bool:
     """Return whether a matrix is symmetric up to round-off. Collective.
 
-    PETSc's own test considers only the rows of each rank and fails if a rank has few rows.
+    PETSc's own test considers only the rows of each rank; its result may be wrong if a rank has few
+    rows.
     """
     size = A.norm(PETSc.NormType.NORM_INFINITY)
     off = A.transpose(PETSc.Mat())
@@ -642,7 +681,7 @@ def is_symmetric(A: PETSc.Mat) -> bool:
 
 
 def marked_symmetric(A: PETSc.Mat) -> bool:
-    """Mark a matrix as symmetric if it is; return whether it is. Collective."""
+    """Mark a matrix as symmetric if it is symmetric; return whether it is. Collective."""
     symmetric = is_symmetric(A)
     if symmetric:
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)

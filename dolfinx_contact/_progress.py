@@ -48,11 +48,15 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Return whether the progress display should be updated now."""
+        """Whether the progress display should be updated now."""
         return not self._silent and time.monotonic() - self._start >= self._after
 
     def update(self, text: str) -> None:
-        """Update the line on a terminal; otherwise write a new line after a minimum interval."""
+        """Update the progress line on a terminal; otherwise write a new line now and then.
+
+        Args:
+            text: progress of the computation.
+        """
         self._shown = True
         if self._live:
             # A wrapped line could not be erased.
@@ -62,7 +66,7 @@ class Progress:
             self._next = time.monotonic() + _SECONDS
 
     def write(self, text: str) -> None:
-        """Write a permanent line."""
+        """Write a permanent line to the progress display."""
         self._shown = True
         self._put(text)
 
@@ -74,7 +78,11 @@ class Progress:
             self._open = False
 
     def close(self, text: str = "") -> None:
-        """Erase the line; write a permanent last line if progress was shown."""
+        """Erase the progress line; write a permanent last line if progress was shown.
+
+        Args:
+            text: last line; "" for no line.
+        """
         self.clear()
         if self._shown and text:
             self._put(text)

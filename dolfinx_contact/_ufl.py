@@ -4,10 +4,11 @@ r"""Analysis of UFL expressions: dependence on terminals, coefficients, meshes a
 The *dependence* of a UFL expression on a Function, a Constant or a variable v is decided
 symbolically, after derivatives have been expanded. The expression has a kink or a jump in v if v
 occurs in abs, max_value, min_value or the condition of a conditional. It is affine in v if it has
-neither and its derivative does not contain v. A vanishing second derivative is not a valid test,
-because it vanishes on both sides of a kink; evaluation at samples is not valid either.
+neither a kink nor a jump and its derivative does not contain v. A vanishing second derivative does
+not imply this, because it also vanishes on both sides of a kink. Evaluation at sample points does
+not imply it either.
 
-max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a condition c, which counts as a kink
+The derivative of max_value(v, 0)**2 is 2 max_value(v, 0) c with a condition c. It counts as a kink
 although its values are continuous.
 """
 
@@ -59,7 +60,9 @@ def depends_on(e: Any, *terminals: Any) -> bool:
 
 
 def kinks_of(e: Any, *terminals: Any) -> str:
-    """Describe a kink or jump in terminals, for messages; "" if there is none.
+    """Describe a kink or jump of an expression as a function of terminals, for messages.
+
+    The result is "" if there is none.
 
     Args:
         e: UFL expression of any shape, or form.
@@ -80,7 +83,7 @@ def kinks_of(e: Any, *terminals: Any) -> str:
 
 
 def not_affine(e: Any, *terminals: Any) -> str:
-    """Describe the part of an expression that is not affine in terminals; "" if there is none.
+    """Describe the part of an expression that is not affine in terminals; "" if it is affine.
 
     Args:
         e: UFL expression of any shape, or form.
@@ -110,7 +113,7 @@ def derivative(e: Any, terminal: Any) -> Any:
 
 
 class _Replaced(MultiFunction):  # type: ignore[misc]
-    """Map that replaces a Constant or the component of a Function by a variable."""
+    """UFL mapping that replaces a Constant or a component of a Function by a variable."""
 
     def __init__(self, terminal: Any):
         super().__init__()
@@ -118,12 +121,12 @@ class _Replaced(MultiFunction):  # type: ignore[misc]
         self.variable = ufl.variable(terminal)
 
     def expr(self, o: Any, *operands: Any) -> Any:
-        """Replace the terminal by the variable; map the operands of all other nodes."""
+        """Return a node of a UFL expression with the terminal replaced by the variable."""
         return self.variable if o == self._terminal else self.reuse_if_untouched(o, *operands)
 
 
 def _integrands(e: Any) -> list[Any]:
-    """Return the integrands of a form, or the expression."""
+    """Return the integrands of a form, or a list with the given expression."""
     is_form = isinstance(e, ufl.Form)
     return [i.integrand() for i in e.integrals()] if is_form else [ufl.as_ufl(e)]
 
@@ -165,12 +168,12 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
 
 
 def refuse_displacement(u: fem.Function, what: str, *functions: Any) -> None:
-    """Raise ``ValueError`` if the displacement is among the Functions of an obstacle or a law.
+    """Raise ``ValueError`` if an obstacle or a law depends on the displacement.
 
     Args:
         u: displacement.
         what: name of the obstacle or law in the message.
-        functions: Functions in its UFL.
+        functions: Functions in the UFL expressions of the obstacle or law.
     """
     if any(f is u for f in functions):
         hint = (
@@ -193,8 +196,9 @@ def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
 def described(value: Any, domain: mesh.Mesh) -> str:
     """Describe an argument by a text that is equal on ranks passing the same argument.
 
-    UFL is described by the values of its Constants and by its signature, which contains neither the
-    counts of UFL's objects nor the values of Functions, which are distributed over the ranks.
+    UFL is described by the values of its Constants and by its signature. The signature contains
+    neither the numbers that UFL assigns to objects nor the values of Functions, which are
+    distributed over the ranks.
 
     Args:
         value: number, UFL expression or form on ``domain``, Dirichlet condition, or any object with

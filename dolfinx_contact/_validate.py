@@ -97,7 +97,7 @@ def nonnegative(
 
 
 def count(value: Any, name: str, least: int = 1) -> int:
-    """Validate an integer that is at least ``least``."""
+    """Validate an integer that is at least ``least``, and return it."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < least:
         raise ValueError(f"{name} must be a whole number >= {least}, got {value!r}")
@@ -105,14 +105,14 @@ def count(value: Any, name: str, least: int = 1) -> int:
 
 
 def flag(value: Any, name: str) -> bool:
-    """Validate a bool of Python or numpy."""
+    """Validate a bool of Python or numpy, and return it as a bool."""
     if not isinstance(value, bool | np.bool_):
         raise ValueError(f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
 def one_of(value: _T, name: str, options: Collection[Any]) -> _T:
-    """Validate that a value is one of several options."""
+    """Validate that a value is one of several options, and return it."""
     if not any(type(value) is type(option) and value == option for option in options):
         shown = ", ".join(str(option) for option in options)
         raise ValueError(f"{name} must be one of {shown}; got {value!r}")
@@ -145,14 +145,17 @@ def listed(values: Any, name: str) -> list[Any]:
 
 
 def scalar(value: Any, name: str) -> Any:
-    """Validate a finite number, returned as a float, or a UFL scalar, returned unchanged."""
+    """Validate a finite number or a UFL scalar, and return it.
+
+    A number is returned as a float, a UFL scalar unchanged.
+    """
     if getattr(value, "ufl_shape", None) == ():
         return value
     return number(value, name, "a finite number or a UFL scalar")
 
 
 def vector(value: Any, name: str, length: int | None = None, *, zero: bool = True) -> Array:
-    """Validate a vector of finite numbers, and return a copy, shape (length,).
+    """Validate a vector of finite numbers, and return a copy as an array.
 
     Args:
         value: value to validate.
@@ -173,14 +176,17 @@ def vector(value: Any, name: str, length: int | None = None, *, zero: bool = Tru
 
 
 def word(value: Any, name: str) -> str:
-    """Validate a non-empty string."""
+    """Validate a non-empty string, and return it."""
     if not isinstance(value, str) or not value:
         raise ValueError(f"{name} must be a word, got {value!r}")
     return value
 
 
 def word_in_history(value: Any, name: str) -> str:
-    """Validate the name of a surface or body, which begins the names of columns of histories."""
+    """Validate the name of a surface or body whose columns occur in tables of steps.
+
+    Names such as ``"support_0"`` are rejected, because these tables use them for supports.
+    """
     if re.fullmatch(r"support_\d+", word(value, name)):
         raise ValueError(f"{name} must not be {value!r}, the name of a support in tables of steps")
     return str(value)
@@ -201,10 +207,13 @@ _SEALED = "_sealed"
 
 
 def read_only(advice: str) -> Callable[[type[_T]], type[_T]]:
-    """Return a decorator of frozen dataclasses: errors of assignments then give advice.
+    """Return a class decorator that adds advice to the error raised when an attribute is assigned.
+
+    It is intended for frozen dataclasses.
 
     Args:
-        advice: text for the message, in which ``{name}`` is replaced by the attribute.
+        advice: text added to the message, in which ``{name}`` is replaced by the name of the
+            attribute.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:
@@ -222,10 +231,10 @@ class ReadOnly:
     """Base class whose public attributes are read-only after construction.
 
     An assignment such as ``problem.bcs = []`` would have no effect, because attributes are read
-    only once. It therefore raises an error. Users change the values of Constants and Functions
-    instead, which are read by every solve. Exceptions are names with a leading underscore,
-    properties with a setter, names in `_may_be_set`, and methods, because the replacement of a
-    method takes effect.
+    only once. It therefore raises an error. Users should instead change the values of Constants and
+    Functions, which every solve reads. The following can be assigned: names with a leading
+    underscore, properties with a setter, names in `_may_be_set`, and methods, because the
+    replacement of a method takes effect.
     """
 
     #: Members that the reference lists; None for all.
@@ -267,7 +276,7 @@ class ReadOnly:
 
 
 def copy_with(made: _T, **attributes: Any) -> _T:
-    """Return a shallow copy with some attributes replaced."""
+    """Return a shallow copy of an object with some attributes replaced."""
     new = copy(made)
     for name, value in attributes.items():
         object.__setattr__(new, name, value)

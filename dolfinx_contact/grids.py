@@ -20,10 +20,10 @@ __all__ = ["create_grid", "graded"]
 
 
 def graded(length: float, size: float, fine: int, coarse: int) -> Array:
-    """Return the coordinates of a graded grid from 0 to ``length``.
+    """Return the coordinates of a graded 1D grid from 0 to ``length``.
 
-    The grid starts with equal fine cells. The sizes of the following coarse cells form a geometric
-    sequence starting from the fine size.
+    The grid starts with fine cells of equal size, followed by coarse cells. The sizes of the coarse
+    cells form a geometric sequence that continues the size of the fine cells.
 
     Args:
         length: length of the grid.

@@ -122,7 +122,7 @@ def materials_in(form: ufl.Form) -> list[Material]:
 
 
 def present_value(scalar: Any) -> float | None:
-    """Evaluate a number or a UFL expression of Constants; return None for other UFL.
+    """Return the value of a number or of a UFL expression of Constants; otherwise None.
 
     The value is NaN if it is not a real number, such as the square root of -1 or 1/0.
     """
@@ -143,10 +143,10 @@ def present_value(scalar: Any) -> float | None:
 
 
 def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
-    """Raise `ValueError` if values are not scalars, or their present values violate a rule.
+    """Raise `ValueError` if values are not scalars, or if their present values violate a rule.
 
     Args:
-        rule: description of the rule.
+        rule: description of the rule, for the message.
         holds: function of the values that returns whether the rule is satisfied. It is called only
             if all present values are known.
         values: numbers or UFL scalars.
@@ -171,18 +171,23 @@ def _require_displacement(u: Any) -> None:
 
 
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
-    """Replace numbers by Constants of the mesh of ``u``."""
+    """Return values with numbers replaced by Constants on the mesh of ``u``."""
     domain = u.function_space.mesh
     return [fem.Constant(domain, float(v)) if is_number(v) else v for v in values]
 
 
 def _deformation(H: Any) -> Any:
-    """Return the deformation gradient F = I + H."""
+    """Return the deformation gradient I + H for the displacement gradient H."""
     return ufl.Identity(H.ufl_shape[0]) + H
 
 
 def _in_space(A: Any, across: Any) -> Any:
-    """Return the 2 x 2 tensor ``A`` with ``across`` as its 33 component."""
+    """Return a 2 x 2 tensor as a 3 x 3 tensor.
+
+    Args:
+        A: components in the plane.
+        across: out-of-plane component, with the indices 33.
+    """
     return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
 
 
@@ -207,15 +212,16 @@ class Material:
         return self._own(self._law._energy_of(u, self._gradient(u)))
 
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
-        """Return the B-bar energy integral for nearly incompressible quads or hexahedra.
+        """Return the B-bar energy integral for nearly incompressible quadrilaterals or hexahedra.
 
-        The part of the energy that grows with lambda depends on the change of volume of the whole
-        cell, which is computed exactly, also for distorted cells. The other part is integrated by
-        ``dx``. This is the mean dilatation or B-bar method (Nagtegaal, Parks and Rice, Comput.
-        Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg. 15, 1980,
-        1413-1418), and for large strains with the ratio of the cell volumes (Simo, Taylor and
-        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). In the first part, moduli are
-        evaluated at the centre of the cell. `mean_dilatation_stress` returns the stress.
+        The part of the energy that grows with the first Lame coefficient lambda depends on the
+        change of volume of the whole cell, which is computed exactly, also for distorted cells. The
+        remaining part of the energy is integrated by ``dx``. This is the mean dilatation or B-bar
+        method (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177;
+        Hughes, Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains the method
+        with the ratio of the cell volumes (Simo, Taylor and Pister, Comput. Methods Appl. Mech.
+        Engrg. 51, 1985, 177-208). In the part that grows with lambda, moduli are evaluated at the
+        centre of the cell. `mean_dilatation_stress` returns the stress.
 
         Args:
             u: displacement (length), of degree 1.
@@ -243,8 +249,8 @@ class Material:
 
         The stress is valid at the centre of each cell, where files, pictures and films evaluate it.
         Integrals of the stress therefore require the one-point rule,
-        ``dx(metadata={"quadrature_degree": 1})``. `full_stress` contains the pointwise pressure,
-        which oscillates without bound as lambda grows.
+        ``dx(metadata={"quadrature_degree": 1})``. The stress from `full_stress` contains the
+        pointwise pressure, which oscillates without bound as the first Lame coefficient grows.
 
         Raises:
             ValueError: for the reasons listed in `mean_dilatation_energy`.
@@ -290,7 +296,10 @@ class Material:
         self.check_moduli()
 
     def _own(self, expression: Any) -> Any:
-        """Register an expression of this material, so that `materials_in` finds it; return it."""
+        """Register an expression as one of this material, and return it.
+
+        `materials_in` finds materials by these expressions.
+        """
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
@@ -304,11 +313,14 @@ class Material:
 
     @property
     def _law(self) -> Material:
-        """Material that defines the energy as a function of the displacement gradient."""
+        """Material whose energy is a function of the displacement gradient.
+
+        It is this material, or the inner material of an axisymmetric body.
+        """
         return self
 
     def _gradient(self, u: fem.Function) -> Any:
-        """Return the displacement gradient H on which the energy depends."""
+        """Return the displacement gradient on which the energy depends."""
         _require_displacement(u)
         return ufl.grad(u)
 
@@ -320,21 +332,34 @@ class Material:
     # -- the law of the material -----------------------------------------------------------------
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the stored energy for the displacement gradient H."""
+        """Return the stored energy density for a displacement gradient.
+
+        Args:
+            u: displacement.
+            H: displacement gradient.
+        """
         ratio = ufl.det(_deformation(H))
         return self._shape_energy(u, H) + self._volume_energy(u, ufl.tr(H), ratio)
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        """Return the part of the stored energy that remains bounded as lambda grows."""
-        raise NotImplementedError
+        """Return the part of the energy density that stays bounded as lambda grows.
 
-    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy that grows with lambda.
+        lambda is the first Lame coefficient.
 
         Args:
             u: displacement.
-            dilatation: trace of H, or its mean over a cell.
-            ratio: determinant of F, or the ratio of the volumes of a cell.
+            H: displacement gradient.
+        """
+        raise NotImplementedError
+
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        """Return the part of the energy density that grows with the first Lame coefficient.
+
+        Args:
+            u: displacement.
+            dilatation: trace of the displacement gradient, or its mean over a cell.
+            ratio: determinant of the deformation gradient, or the ratio of the displaced to the
+                reference volume of a cell.
         """
         raise ValueError(
             f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
@@ -342,12 +367,23 @@ class Material:
         )
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the Cauchy stress for the displacement gradient H."""
+        """Return the Cauchy stress for a displacement gradient.
+
+        Args:
+            u: displacement.
+            H: displacement gradient.
+        """
         H = ufl.variable(H)
         return self._pushed_forward(ufl.diff(self._energy_of(u, H), H), H)
 
     def _pushed_forward(self, P: Any, H: Any) -> Any:
-        """Return the Cauchy stress, given P, the derivative of the energy with respect to H."""
+        """Return the Cauchy stress that corresponds to a first Piola-Kirchhoff stress.
+
+        Args:
+            P: first Piola-Kirchhoff stress, the derivative of the energy density with respect to
+                the displacement gradient.
+            H: displacement gradient.
+        """
         F = _deformation(H)
         return P * F.T / ufl.det(F)
 
@@ -359,7 +395,7 @@ class LinearElastic(Material):
     Attributes:
         lmbda: first Lame coefficient of the 3D material.
         mu: shear modulus, the second Lame coefficient.
-        plane_stress: in 2D, plane stress instead of plane strain.
+        plane_stress: whether a 2D body is in plane stress; otherwise it is in plane strain.
     """
 
     lmbda: Any
@@ -422,7 +458,8 @@ class LinearElastic(Material):
 class StVenantKirchhoff(Material):
     """St. Venant-Kirchhoff material, in plane strain in 2D.
 
-    The energy is W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E.
+    The energy is W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E and the Lame
+    coefficients lambda and mu.
     """
 
     lmbda: Any
@@ -439,8 +476,9 @@ class StVenantKirchhoff(Material):
 class NeoHookean(Material):
     """Compressible neo-Hookean material.
 
-    The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2 with the deformation gradient F
-    and J = det F. In 2D (plane strain) F_33 = 1.
+    The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2 with the deformation gradient F,
+    J = det F, and the Lame coefficients lambda and mu at small strain. In 2D (plane strain) F_33 =
+    1.
     """
 
     lmbda: Any
@@ -465,11 +503,12 @@ class CiarletGeymonat(Material):
         W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C,
         b = mu/2 - a,    c = lambda/4 - mu/2 + a,    d = lambda/2 + mu,
 
-    with the right Cauchy-Green tensor C = F^T F. The constant is such that W = 0 for F = I. In 2D
+    with the right Cauchy-Green tensor C = F^T F of the deformation gradient F, and the Lame
+    coefficients lambda and mu at small strain. The constant is such that W = 0 for F = I. In 2D
     (plane strain) C_33 = 1.
 
     Attributes:
-        lmbda, mu: Lame coefficients at small strain.
+        lmbda, mu: Lame coefficients lambda and mu at small strain.
         a: free parameter, 0 < a < mu/2.
     """
 
@@ -546,7 +585,11 @@ _ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is
 
 
 def _radius(u: Any) -> Any:
-    """Return the radius r = x; raise `ValueError` unless ``u`` is a 2D displacement."""
+    """Return the radius, i.e. the first coordinate, as a UFL expression.
+
+    Raises:
+        ValueError: if ``u`` is not a 2D displacement.
+    """
     _require_displacement(u)
     if len(u) != 2:
         raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")

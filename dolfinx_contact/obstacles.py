@@ -3,9 +3,9 @@
 
 At a point x an obstacle defines, in UFL, the gap (the signed distance, positive outside) and the
 unit normal n from the body into the obstacle. In small sliding, gap and n are evaluated at the
-contact point in the reference configuration, and a point displaced by u has the current gap
-``gap - u.n``. This is exact for a flat obstacle, and correct to first order in u for a curved one.
-In large sliding, gap and normal are evaluated at the displaced point (`points.displaced`).
+contact point in the reference configuration, and a point with the displacement u has the current
+gap ``gap - u.n``. This is exact for a flat obstacle, and correct to first order in u for a curved
+one. In large sliding, gap and normal are evaluated at the displaced point (`points.displaced`).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def has_ufl(value: Any) -> bool:
 
 
 def is_uniform(value: Any) -> bool:
-    """Return whether a number, Constant or UFL expression has the same value at every point."""
+    """Return whether a number, a UFL expression or a list of these is the same at every point."""
     if not isinstance(value, ufl.core.expr.Expr):
         return not has_ufl(value) or all(map(is_uniform, value))
     varies = ufl.classes.GeometricQuantity | ufl.classes.Coefficient
@@ -57,10 +57,14 @@ def is_uniform(value: Any) -> bool:
 
 
 def _require_uniform(value: Any, what: str) -> None:
-    """Raise `ValueError` if the data of an obstacle vary over the body.
+    """Raise `ValueError` if data of an obstacle depend on the position on the mesh.
 
-    A Function moves with the points of the body, and UFL does not differentiate it with respect to
-    the displaced position. The normal would therefore be wrong.
+    A Function is evaluated at material points of the body, and UFL does not differentiate it with
+    respect to the displaced position. The normal would therefore be wrong.
+
+    Args:
+        value: number, UFL expression, or a list of these.
+        what: name of the data in the message.
     """
     if not is_uniform(value):
         raise ValueError(
@@ -83,7 +87,16 @@ def _components(value: Any, what: str, *, zero: bool = True) -> Any:
 
 
 def _vector(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
-    """Return ``value`` as a UFL vector of the dimension of the mesh; numbers become a Constant."""
+    """Return ``value`` as a UFL vector with the dimension of the mesh.
+
+    Numbers become a Constant.
+
+    Args:
+        domain: mesh of the body.
+        value: numbers or UFL vector.
+        what: name of the value in messages.
+        uniform: whether the value must be the same at every point of the body.
+    """
     dim = domain.geometry.dim
     found = _components(value, what)
     if len(found) != dim:
@@ -97,7 +110,14 @@ def _vector(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -
 
 
 def _direction(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
-    """Return ``value`` as a UFL unit vector."""
+    """Return ``value``, divided by its norm, as a UFL unit vector.
+
+    Args:
+        domain: mesh of the body.
+        value: numbers or UFL vector.
+        what: name of the value in messages.
+        uniform: whether the value must be the same at every point of the body.
+    """
     direction = _vector(domain, value, what, uniform=uniform)
     if direction is not value and isinstance(direction, fem.Constant):
         direction.value /= np.linalg.norm(direction.value)
@@ -114,12 +134,12 @@ def _check_radius(radius: Any) -> None:
 
 
 def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
-    """Return gap and normal of a circle or sphere at a point.
+    """Return gap and normal at a point outside or inside a circle, sphere or cylinder.
 
     Args:
         domain: mesh of the body.
-        across: vector from the centre or axis to the point.
-        radius: radius of the circle or sphere.
+        across: vector from the centre, or from the nearest point of the axis, to the point.
+        radius: radius.
     """
     if not isinstance(radius, ufl.core.expr.Expr):
         radius = fem.Constant(domain, float(radius))
@@ -135,7 +155,7 @@ class Outline(NamedTuple):
     Attributes:
         points: coordinates of the m points, shape (m, dim).
         cells: indices of the points of each of k facets, shape (k, dim).
-        normals: normals at the points, into the obstacle, shape (m, dim).
+        normals: unit normals at the points, pointing into the obstacle, shape (m, dim).
     """
 
     points: Array
@@ -144,7 +164,7 @@ class Outline(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Initial position of a face on an obstacle that ends at a rim.
+    """Initial position of the points of a face relative to an obstacle that ends at a rim.
 
     Attributes:
         gap: gaps, which open gradually past the rim, shape (n,).
@@ -197,7 +217,7 @@ class Obstacle:
         return self
 
     def starts(self, x: Array, widths: Array) -> Start:
-        """Return the initial position of a face on an obstacle with a rim; see `ended`.
+        """Return the initial position of a face relative to this obstacle with a rim; see `ended`.
 
         Args:
             x: points of the face, shape (n, dim).
@@ -223,26 +243,26 @@ class Obstacle:
 
 
 def known_displaced(obstacle: Obstacle) -> bool:
-    """Return whether an obstacle defines gap and normal at any point (`Obstacle.at`)."""
+    """Return whether an obstacle defines gap and normal at displaced points (`Obstacle.at`)."""
     return type(obstacle).at is not Obstacle.at
 
 
 class Measured(ufl.Coefficient):  # type: ignore[misc]
     """Gap and normal that are computed numerically, as UFL functions of a UFL point.
 
-    An evaluator (`points.evaluators`) computes gap g and normal n at the position x_0 of each
-    contact point, and their derivatives dg and dn with respect to the position. The UFL functions
-    are
+    An evaluator (`points.evaluators`) computes the gap g and the normal n at the position x_0 of
+    each contact point, and their derivatives dg and dn with respect to the position. The UFL
+    functions of the point x are
 
         gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
 
-    so that values and first derivatives are exact; second derivatives are not available.
+    so that values and first derivatives are exact at x = x_0; second derivatives are not available.
 
     Args:
         domain: mesh of the body.
         x: UFL vector, the point.
-        measure: function mapping m points, shape (m, dim), to g, dg, n and dn, with the shapes
-            (m,), (m, dim), (m, dim) and (m, dim, dim).
+        measure: function mapping m points, shape (m, dim), to gaps, their derivatives, normals, and
+            their derivatives, with the shapes (m,), (m, dim), (m, dim) and (m, dim, dim).
         more: UFL scalars whose values, shape (m,), are additional arguments of ``measure``.
 
     Attributes:
@@ -279,13 +299,14 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         self.normal = normal + ufl.dot(turn, x - there)
 
     def values(self, taken: Array) -> Array:
-        """Return all components of gap, normal and derivatives at m points. Not collective.
+        """Return position, gap, normal and their derivatives at m points. Not collective.
 
         Args:
-            taken: values of the components of `at` at the points.
+            taken: values of the components of `at` at the points, shape (m, components of `at`).
 
         Returns:
-            Values, shape (m, components).
+            All components of position, gap, derivative of the gap, normal, and derivative of the
+            normal, in this order, one row per point.
         """
         if self._last is None or not np.array_equal(self._last[0], taken):
             x, more = np.split(taken, [self._dim], axis=1)
@@ -300,13 +321,13 @@ class HalfSpace(Obstacle):
     """Half-space behind a plane (a line in 2D) of any orientation.
 
     Both attributes may depend on the position or on Functions. Each point of the body then has its
-    own plane with the given normal, which is not the normal of the envelope of these planes.
+    own plane with the given normal, which differs from the normal of the envelope of these planes.
 
     Attributes:
         point: point of the plane; numbers, which are copied, or a vector Constant, whose value may
             be changed later.
-        normal: normal of the plane, out of the obstacle towards the body, of any length; same types
-            as `point`.
+        normal: normal of the plane, pointing out of the obstacle towards the body, of any length;
+            numbers or a vector Constant, as for `point`.
 
     Raises:
         ValueError: if a vector does not have 2 or 3 finite components, or the normal is zero.
@@ -390,7 +411,7 @@ class Cylinder(Obstacle):
 
 @dataclass(frozen=True)
 class LevelSet(Obstacle):
-    """Obstacle given by a UFL function of position, negative inside and positive outside.
+    """Obstacle given by a UFL function phi of position, negative inside and positive outside.
 
     The gap is phi/|grad phi|, the distance to first order; it is exact if phi is a signed distance.
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact problem with a parameter, as a system for continuation.
 
-The parameter gamma is a Constant of the user's forms: a load factor, a material or friction
-coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
-with respect to gamma is exact; UFL computes it.
+The parameter gamma is a Constant in the data of the problem: a load factor, a material or friction
+coefficient, or a position of an obstacle, for example. Dirichlet data may depend on it as well. The
+derivative of the residual H(x, gamma) with respect to gamma is exact; UFL computes it.
 """
 
 from __future__ import annotations
@@ -83,22 +83,23 @@ class ParametricContact(ReadOnly, ParametricEquations):
     """Contact problem H(x, gamma) = 0 with a parameter, as a system for continuation.
 
     H is piecewise smooth, and each piece corresponds to one combination of statuses of the contact
-    points. The status codes (`laws.status`) are 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with
-    u_t < 0; in 3D, 2 is slip. With a prescribed friction bound, codes 4 to 6 are the tangential
-    statuses 1 to 3 at open points.
+    points. The status codes (`laws.status`) are 0 open, 1 stick, 2 slip with u_t > 0 and 3 slip
+    with u_t < 0, where u_t is the tangential slip; in 3D, code 2 is slip in any direction. With a
+    prescribed friction bound, open points may also stick or slip: codes 4 to 6 are the tangential
+    statuses 1 to 3 of open points.
 
     Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
     `set_parameter` before `ContactProblem.solve`. The remaining methods are documented in
     `continuation.System`.
 
     Args:
-        problem: contact problem. Its Functions contain the present point while observers are
-            called, and the last point after a branch has been followed.
+        problem: contact problem. Its Functions contain the current point of a branch while
+            observers are called, and the last point after a branch has been followed.
         gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
             of a rigid body. Dirichlet data depend on it through ``driven`` only. Default: None, for
             the solutions of a problem without a parameter (`find_solutions`).
         driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
-            gamma and the position. The Function must not occur elsewhere.
+            gamma and the position. The Function must not occur in other data of the problem.
 
     Attributes:
         proof_seconds: time limit in seconds for the proof that all solution rays out of a point
@@ -109,7 +110,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh, does not occur
             in the data, or is the value of a Dirichlet condition; if a driven Function or its
             expression belongs to another mesh, has another shape, is not in a Dirichlet condition
-            or occurs elsewhere as well; or if arguments differ between ranks.
+            or also occurs in other data; or if arguments differ between ranks.
     """
 
     _listed = (
@@ -161,7 +162,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
-        """Set gamma in the forms and Dirichlet data, before a solve at this value. Collective.
+        """Set gamma and the Dirichlet data that depend on it. Collective.
+
+        Call it before a solve at this value of gamma.
 
         Raises:
             ValueError: on every rank, if gamma is not a finite number or differs between ranks.
@@ -184,7 +187,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Write a point of a branch and its statuses into the problem, and set gamma. Collective.
 
-        A warning is logged once for each surface indicator above its threshold.
+        The validity indicators of each surface are evaluated. A warning is logged the first time
+        that an indicator exceeds its threshold.
+
+        Args:
+            x: unknowns.
+            gamma: parameter.
+            piece: statuses of all contact points.
         """
         self._put(x, gamma, piece)
         self.equations.read_data()
@@ -205,7 +214,17 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.problem.read(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """Solve at gamma from x with `ContactProblem.solve`; see `System`. Collective."""
+        """Solve the problem at gamma with `ContactProblem.solve`, starting from given unknowns.
+
+        Collective.
+
+        Args:
+            x: unknowns at the start.
+            gamma: parameter.
+
+        Returns:
+            Unknowns of the solution, None if none was found; and a description of the solve.
+        """
         with self.restored(always=True):
             self._set(gamma)
             self.problem.read(x)
@@ -219,16 +238,20 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return solution, f"solve() by {result.reason}"
 
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Return the reason why small sliding is not valid; "" if it is valid. Collective."""
+        """Return a message if a point of a branch violates small sliding; otherwise "".
+
+        Collective.
+        """
         with self.restored(always=True):
             self._put(x, gamma, piece)
             return small_sliding_violated(self.equations, self.evaluate_contact(x, gamma, piece))
 
     def result_at(self, point: BranchPoint | Solution) -> Result:
-        """Return the result at a point; write the point to the Functions. Collective.
+        """Write a point of a branch or a solution to the Functions, and return its result.
 
-        The statuses of the piece of the point are used, even if the point lies on a border. Its
-        warnings are logged, except those that were already logged for another point of this system.
+        The stored statuses of the point are used, even if it lies on a kink, where the unknowns do
+        not determine them. Warnings of the result are logged, except those that were already logged
+        for another point of this system. Collective.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
@@ -238,7 +261,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return result
 
     def collect(self, point: BranchPoint | Solution) -> Result:
-        """Like `result_at`, without logging warnings. Collective."""
+        """Write a point to the Functions and return its result, like `result_at`. Collective.
+
+        Warnings are not logged.
+        """
         x = self._unknowns(point)
         equations = self._equations_at(point.gamma)
         evaluation = equations.evaluate(x, self.statuses_of(point.piece))
@@ -248,7 +274,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return replace(result, indicators=replace(result.indicators, apart=None))
 
     def state_at(self, point: BranchPoint | Solution) -> State:
-        """Return the state, with its gamma, at a point of a branch or at a solution. Collective.
+        """Return the state at a point of a branch or at a solution, with its gamma. Collective.
 
         The Functions, gamma and the driven Functions are not changed.
 
@@ -262,14 +288,14 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return replace(state, gamma=point.gamma)
 
     def _unknowns(self, point: BranchPoint | Solution) -> PETSc.Vec:
-        """Return a copy of the unknowns x at a point of a branch."""
+        """Return a copy of the unknowns at a point of a branch or at a solution, without gamma."""
         x = self.create_vector()
         y = point.x if isinstance(point, Solution) else point.y  # y also has gamma
         x.array[:] = y.array_r[: x.getLocalSize()]
         return x
 
     def restore(self, state: State) -> None:
-        """Write a state into the Functions, and set its gamma. Collective.
+        """Write a state into the Functions, and set gamma to the value in the state. Collective.
 
         Raises:
             ValueError: on every rank, if the state does not belong to this problem.
@@ -280,7 +306,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Context manager restoring Functions, statuses, gamma and Dirichlet data.
+        """Context manager that restores Functions, statuses, gamma and Dirichlet data.
 
         Args:
             always: whether to restore them on every exit; default: only after an error.
@@ -291,18 +317,18 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- affine pieces ---------------------------------------------------------------------------
 
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
-        """Condense the problem, linearised at (x, gamma), onto its contact points.
+        """Condense the problem, linearised at (x, gamma), onto its contact points. Collective.
 
-        The result is None if the statuses of the points are not polyhedral cones (3D friction,
-        integral contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there
-        are too many points. With ``conic=False``, 3D friction is accepted; the result is then a
-        linear problem. Collective.
+        The result is None if the bulk has kinks in u, or if the problem cannot be condensed into
+        pieces that are polyhedral cones. This excludes 3D friction, integral contact, gamma in the
+        law or in the obstacle, and too many contact points. With ``conic=False``, 3D friction is
+        accepted; the result is then a linear problem.
 
         Args:
             x: unknowns at which the problem is linearised.
             gamma: parameter at which the problem is linearised.
-            conic: whether statuses must be polyhedral cones; if so, the result is also None for a
-                prescribed friction bound.
+            conic: whether the sets of jumps and tractions of each status must be polyhedral cones;
+                if so, the result is also None for a prescribed friction bound.
         """
         if self.kinks:
             return None
@@ -326,10 +352,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return self._condensed
 
     def _condensed_at(self, gamma: float) -> Reduction | None:
-        """Condense the problem at a fixed gamma, in which the forms may be nonlinear.
+        """Condense the problem at a fixed gamma onto its contact points. Collective.
 
-        The result is None if the body is not linear, or the problem cannot be condensed.
-        Collective.
+        The data may depend on gamma in any way. The result is None if the body is not linear, or
+        the problem cannot be condensed.
         """
         eq = self.equations
         if not eq.linear:
@@ -349,14 +375,22 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @property
     def is_piecewise_affine(self) -> bool:  # type: ignore[override]
-        """Whether every piece is affine in (x, gamma). Collective."""
+        """Whether H is affine in (x, gamma) for fixed statuses of the contact points.
+
+        Collective.
+        """
         return self.is_linear and can_condense(self)
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
-        """Compute all solutions at gamma, with a proof. Collective.
+        """Compute all solutions at a fixed gamma, with a proof of completeness. Collective.
 
         The result is None if no certificate applies (`analysis.body_proofs.why_not_provable`) or
         the problem has more than 128 contact points.
+
+        Args:
+            condensed: problem condensed onto its contact points.
+            gamma: parameter.
+            seconds: time limit in seconds.
         """
         from dolfinx_contact.analysis.body_proofs import proved, why_not_provable
 
@@ -366,7 +400,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
     def why_not_provable(self) -> str:
-        """Return the reason why no proof is available in 3D; "" otherwise. Collective."""
+        """Return the reason why no proof is available for a 3D problem. Collective.
+
+        "" if a proof is available or the problem is in 2D.
+        """
         from dolfinx_contact.analysis.body_proofs import why_not_provable
 
         if self.equations.dim == 2:
@@ -389,10 +426,17 @@ class ParametricContact(ReadOnly, ParametricEquations):
         cone: AffineSystem,
         known: Sequence[tuple[Codes, float]],
     ) -> RayProof | None:
-        """Compute all solution rays in a tangent cone, with a proof (`proofs.rays`). Collective.
+        """Compute all solution rays out of a point, with a proof of completeness. Collective.
 
-        The result is None for laws other than frictionless contact and Coulomb friction, for more
-        than 128 contact points, and if `proof_seconds` is 0.
+        The rays are the solutions of the problem linearised at the point (`proofs.rays`). The
+        result is None for laws other than frictionless contact and Coulomb friction, for more than
+        128 contact points, and if `proof_seconds` is 0.
+
+        Args:
+            condensed: problem condensed onto its contact points.
+            cone: tangent cone, the problem linearised at the point.
+            known: statuses, shape (n,), and rate of gamma of each ray that has already been
+                computed.
         """
         from dolfinx_contact.analysis.body_proofs import proved_rays
 
@@ -406,7 +450,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- pieces ----------------------------------------------------------------------------------
 
     def letters(self, piece: Piece) -> str:
-        """Return the status letters of all contact points, in the order of tables. Collective."""
+        """Return the status letters of all contact points as one string. Collective.
+
+        The letters have the order of the rows of contact tables; clamped points have the letter d.
+        """
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
@@ -414,10 +461,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
-        """Return the piece of H with these status letters (`letters`). Collective.
+        """Return the piece of H whose statuses are given by letters, as in `letters`. Collective.
 
         Raises:
-            ValueError: on every rank, if the letters are not statuses of these points.
+            ValueError: on every rank, if the letters do not match the contact points and laws.
         """
         parts = []
         fits = isinstance(letters, str)
@@ -443,7 +490,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:
-    """Validate the arguments of `ParametricContact`; return ``driven``. Not collective."""
+    """Validate the arguments of `ParametricContact`, and return the list of driven Functions.
+
+    Each is a pair of a Function and its UFL expression. Not collective.
+    """
     domain = problem.V.mesh
     if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
         raise ValueError("gamma must be a scalar Constant")
@@ -468,9 +518,15 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
 
 
 def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> list[Datum]:
-    """Return the data; raise ``ValueError`` if they use gamma or a driven Function wrongly.
+    """Return the Functions and Constants of the data after checking gamma and driven Functions.
 
-    Values of Dirichlet conditions are not differentiated with respect to gamma.
+    The data are those of the problem, without the values of Dirichlet conditions, and those of the
+    expressions that drive Functions.
+
+    Raises:
+        ValueError: if gamma is the value of a Dirichlet condition, because such values are not
+            differentiated with respect to gamma; if a Function is driven twice; if the data contain
+            a driven Function; or if an unknown occurs in an expression that drives a Function.
     """
     if any(is_value_of(gamma, bc) for bc in problem.bcs):
         raise ValueError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact problem of a body; its Functions hold the start and the result of a solve."""
+"""Contact problem of a body, whose Functions contain the start and the result of a solve."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ _NOT_SOLVED = (
 
 
 def _classical() -> ModuleType:
-    """Return the module of the classical algorithms, loaded when one is chosen."""
+    """Return the module of the classical algorithms, imported only when one is chosen."""
     from dolfinx_contact.algorithms import classical
 
     return classical
@@ -142,7 +142,7 @@ def _rigid_body(contact: Contact) -> str:
 
 
 def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
-    """Create the contact points, multiplier and operators of a description. Collective.
+    """Discretise a description of contact: contact points, multiplier, operators. Collective.
 
     Args:
         contact: description of the contact.
@@ -162,15 +162,17 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
 
 @dataclass
 class _LastWrite:
-    """Unknowns and statuses that were last written to the Functions, and memory of the law.
+    """Record of the last write to the Functions: unknowns, statuses, and memory of the law.
 
-    On the border between two statuses, displacement and multipliers do not determine the status.
-    The stored statuses are therefore reused as long as the unknowns are bitwise identical.
+    At the limit between two statuses, for example between stick and slip, displacement and
+    multipliers do not determine the status. The stored statuses are therefore reused as long as the
+    unknowns in the Functions are bitwise identical to the stored ones.
 
     Attributes:
         unknowns: owned values of all unknowns, in the user's units, shape (n,).
         statuses: statuses of the contact points.
-        previous: memory of the law under which the unknowns were written.
+        previous: memory of each surface under which the unknowns were computed; None for the static
+            law.
     """
 
     unknowns: Array | None = None
@@ -186,7 +188,7 @@ class ContactProblem(ReadOnly):
     in the static law, tangential displacement that precedes contact counts as slip as well.
 
     `solve` starts from the present displacement and multipliers and overwrites them with the
-    solution. If it fails, they keep their values.
+    solution. If no solution is found, they keep their values.
 
     Methods for users: `solve`, `uniqueness`, `theory` and `reduced` solve or analyse the problem;
     `snapshot`, `restore` and `step_from` handle states; `table`, `tables`, `contact_fields` and
@@ -216,8 +218,8 @@ class ContactProblem(ReadOnly):
         bcs: Dirichlet conditions on the space of ``u`` or its components; default: none.
         r: augmentation parameter, a stiffness per area; default: derived from the stiffness of the
             contact nodes, and updated by `solve` if the stiffness has changed. It affects the
-            iterates but not the solution. The exception is the integral method, whose weak contact
-            conditions depend on r; the effect vanishes under mesh refinement.
+            iterates but not the solution. The exception is ``method="integral"``, whose weak
+            contact conditions depend on r; the effect vanishes under mesh refinement.
         petsc_options_prefix: options prefix of the SNES; every strategy creates its own SNES. The
             relative tolerance applies to the measures of the residual (`equations.measures`), not
             to its norm. `Result.attempts` contains the outcome.
@@ -354,7 +356,7 @@ class ContactProblem(ReadOnly):
         )
 
     def moving(self, body: MovingBody) -> ContactProblem:
-        """Return the problem of a dynamic step, on the same Functions and surfaces. Collective.
+        """Return the problem of a dynamic step, with the same Functions and surfaces. Collective.
 
         The new problem has its own linear solver.
 
@@ -372,10 +374,10 @@ class ContactProblem(ReadOnly):
     def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
         """Return the problem of one step that begins in a given state. Collective.
 
-        In the returned problem, friction opposes the slip increment since the state, and laws with
-        internal variables continue from their values in the state. In this problem, by contrast,
-        friction opposes the total slip (the static law). Histories, motions and paths are sequences
-        of such steps.
+        In the returned problem, friction opposes the slip increment since the given state, and
+        internal variables of laws start from their values in that state. In the problem itself, by
+        contrast, friction opposes the total slip (the static law). Quasi-static histories, dynamic
+        motions and paths are sequences of such steps.
 
         The returned problem shares Functions, data, compiled forms and matrices with this problem.
         It supports the same operations: `solve`, `uniqueness`, `continuation.follow`,
@@ -417,7 +419,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def rigid_bodies(self) -> list[RigidBody]:
-        """Rigid bodies that are obstacles of the surfaces, in the order of the surfaces."""
+        """Rigid bodies that the surfaces may touch, in the order of the surfaces."""
         return list(self.equations.rigid.bodies)
 
     def create_vector(self) -> PETSc.Vec:
@@ -440,7 +442,11 @@ class ContactProblem(ReadOnly):
             self._note(statuses, self.equations.memory)
 
     def write(self, x: PETSc.Vec) -> None:
-        """Copy the Functions and the motions of the rigid bodies into the unknowns ``x``."""
+        """Copy the values of the Functions and rigid bodies into a vector of all unknowns.
+
+        Args:
+            x: vector that receives the unknowns.
+        """
         eq = self.equations
         eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
 
@@ -451,20 +457,31 @@ class ContactProblem(ReadOnly):
         return np.concatenate([*parts, self.equations.rigid.given])
 
     def _note(self, statuses: Statuses, previous: Sequence[Memory | None]) -> None:
-        """Store the statuses of the present unknowns and the memory of their law."""
+        """Record the present unknowns, and the statuses and memory that belong to them.
+
+        Args:
+            statuses: statuses of the contact points, one array per surface.
+            previous: memory of each surface at the beginning of the step; None for the static law.
+        """
         self._written.unknowns = self._owned_values()
         self._written.statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
         self._written.previous = previous
 
     def _last_write(self) -> _LastWrite | None:
-        """Return the last write to the Functions; None if they have changed since. Collective."""
+        """Return the record of the last write to the Functions. Collective.
+
+        None if the Functions have changed since.
+        """
         before = self._written.unknowns
         same = before is not None and np.array_equal(before, self._owned_values())
         return self._written if all_ranks(self.comm, same) else None
 
     @contextmanager
     def _unknowns(self) -> Iterator[PETSc.Vec]:
-        """Context manager: vector of the unknowns in the Functions, freed on exit. Collective."""
+        """Context manager that yields a vector of the unknowns in the Functions. Collective.
+
+        The vector is destroyed on exit.
+        """
         x = self.create_vector()
         self.write(x)
         try:
@@ -479,7 +496,10 @@ class ContactProblem(ReadOnly):
 
     @property
     def written_statuses(self) -> Statuses | None:
-        """Statuses written last to the Functions; None if these have changed since. Collective."""
+        """Statuses that were last written with the values of the Functions. Collective.
+
+        None if the Functions have changed since.
+        """
         written = self._last_write()
         return None if written is None else written.statuses
 
@@ -494,7 +514,7 @@ class ContactProblem(ReadOnly):
             return self.state_at(x, self.written_statuses)
 
     def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
-        """Return the state with given unknowns. Collective.
+        """Return the state with the given unknowns. Collective.
 
         Args:
             x: vector of all unknowns.
@@ -542,7 +562,11 @@ class ContactProblem(ReadOnly):
         self._note(state.statuses, state.previous)
 
     def _require_state(self, state: State | None) -> None:
-        """Raise ``ValueError`` if a state belongs to another problem or the mesh has moved."""
+        """Raise ``ValueError`` if a state does not fit this problem or the mesh has moved.
+
+        The mesh, contact points, methods and number of ranks must be those of the problem.
+        Collective.
+        """
         self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
             state.signature == self.signature
@@ -561,10 +585,10 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Context manager restoring Functions, rigid bodies and statuses after an error.
+        """Context manager that restores Functions, rigid bodies and statuses after an error.
 
         Args:
-            always: whether to restore them on every exit, not only after an error.
+            always: whether to restore them on every exit; default: only after an error.
         """
         before = [f.x.array.copy() for f in self.fields]
         motions = self.equations.rigid.given
@@ -583,9 +607,13 @@ class ContactProblem(ReadOnly):
     # -- H ---------------------------------------------------------------------------------------
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Assemble the residual H(x) into ``b``; return the evaluation. Collective.
+        """Assemble the residual H(x) into a vector, and return the evaluation. Collective.
 
-        See `ContactEquations.residual` for the arguments.
+        Args:
+            x: vector of all unknowns.
+            b: vector that receives the residual.
+            statuses: statuses for the contact laws, one array per surface; default: statuses
+                determined by the unknowns.
         """
         self.equations.read_data()
         return self.equations.residual(x, b, statuses)
@@ -594,9 +622,9 @@ class ContactProblem(ReadOnly):
         """Evaluate the residual H at a state. Collective.
 
         Args:
-            state: state to evaluate; default: present values of the Functions.
-            statuses: statuses of the contact points for the laws, one array per surface; default:
-                statuses of the state.
+            state: state to evaluate; default: current values of the Functions.
+            statuses: statuses for the contact laws, one array per surface; default: statuses of the
+                state.
         """
         with self._shown(state) as problem, problem._unknowns() as x:
             problem.equations.read_data()
@@ -605,13 +633,13 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def at(self, state: State | None) -> Iterator[ContactProblem]:
-        """Context manager writing a state to the Functions and restoring them on exit.
+        """Context manager that writes a state to the Functions and restores them on exit.
 
-        Within the context, the contact law is the law of the step that ended in the state.
-        Collective.
+        The yielded problem has the contact law of the step that ended in the state: friction
+        opposes the slip increment of that step. Collective.
 
         Args:
-            state: state to write; default: present values of the Functions, with the law under
+            state: state to write; None for the current values of the Functions, with the law under
                 which they were written.
 
         Yields:
@@ -632,10 +660,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def _shown(self, state: State | None) -> Iterator[ContactProblem]:
-        """Like `at`; without a state, the Functions are used under the law of this problem.
-
-        Collective.
-        """
+        """Context manager like `at`, but for None the law is that of this problem. Collective."""
         if not any_rank(self.comm, state is not None):
             self.equations.require_same_mesh()
             yield self
@@ -649,8 +674,8 @@ class ContactProblem(ReadOnly):
     def _as_written(self) -> ContactProblem:
         """Return this problem with the law of the step that wrote the Functions. Collective.
 
-        In an observer of an evolution, and after the run, this is the law of the last step, as long
-        as the Functions are unchanged. Otherwise it is the law of this problem.
+        In an observer of an evolution, and after its run, this is the law of the last step, as long
+        as the Functions are unchanged. Otherwise the problem itself is returned.
         """
         written = self._last_write()
         if written is None or not self.equations.is_static:
@@ -659,7 +684,10 @@ class ContactProblem(ReadOnly):
 
     @property
     def linear_solver(self) -> LinearSolver:
-        """Linear solver of the Newton steps, recreated if its options have changed. Collective."""
+        """Linear solver of Newton's method; created again if its options have changed.
+
+        Collective.
+        """
         return self._linear()
 
     def table(
@@ -669,7 +697,7 @@ class ContactProblem(ReadOnly):
 
         Args:
             surface: surface of this problem, or its name.
-            state: state to evaluate; default: present values of the Functions.
+            state: state to evaluate; default: current values of the Functions.
         """
         number = self.surfaces.index(self.discrete(surface))
         with self._evaluated(state) as (eq, evaluation):
@@ -694,13 +722,13 @@ class ContactProblem(ReadOnly):
         written with `io.write_fields`.
 
         Nodal pressures are nodal forces divided by nodal areas. The integral of the pressure
-        therefore equals the sum of the normal forces, also on parallelograms and in the integral
-        method with linear multipliers. In bodies of revolution, where the integral has the weight
-        2 pi r, the difference vanishes under mesh refinement.
+        therefore equals the sum of the normal forces, also on parallelograms, and also with
+        ``method="integral"`` and linear multipliers. In bodies of revolution, where the integral
+        has the weight 2 pi r, the difference vanishes under mesh refinement.
 
         Args:
             surface: surface of this problem, or its name.
-            state: state to evaluate; default: present values of the Functions.
+            state: state to evaluate; default: current values of the Functions.
 
         Returns:
             Functions by name:
@@ -708,8 +736,8 @@ class ContactProblem(ReadOnly):
             - ``displacement``, a vector.
             - ``traction``, the contact traction on the body, a vector; its normal part
               ``pressure``, positive in compression; and its tangential part ``shear``, a vector.
-              They are forces per area of the mesh. On facets that are only partly opposite to
-              another body, they are smaller than the tractions in the contact table.
+              They are forces per area of the mesh. On facets that the other body covers only
+              partly, they are smaller than the tractions in the contact table.
             - ``gap``, a length.
             - ``slip``, the tangential displacement, a vector.
             - ``status``, a status code listed in `io.STATUS_CODES`.
@@ -740,14 +768,14 @@ class ContactProblem(ReadOnly):
     def support_forces(
         self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
     ) -> Array:
-        """Return the Dirichlet reactions on the body at local vertices of a surface. Collective.
+        """Return the reaction forces of Dirichlet data at the vertices of a surface. Collective.
 
         Args:
             surface: surface of this problem, or its name.
-            state: state to evaluate; default: present values of the Functions.
+            state: state to evaluate; default: current values of the Functions.
 
         Returns:
-            Reaction forces, shape (vertices, dim); 0 in free components.
+            Forces on the body at the local vertices, shape (vertices, dim); 0 in free components.
         """
         s = self.discrete(surface)
         with self._evaluated(state) as (eq, evaluation):
@@ -762,7 +790,7 @@ class ContactProblem(ReadOnly):
 
         Returns:
             Discrete surface with the contact points of this rank and their multiplier, a Function
-            on ``submesh.mesh``.
+            on the mesh ``submesh.mesh`` of the facets.
 
         Raises:
             ValueError: if the surface does not belong to the problem.
@@ -785,7 +813,9 @@ class ContactProblem(ReadOnly):
         progress: bool | None = None,
         expected: Sequence[Statuses] = (),
     ) -> Result:
-        """Solve the contact problem, starting from the Functions; overwrite them. Collective.
+        """Solve the contact problem, and write the solution to the Functions. Collective.
+
+        The solve starts from the current values of the Functions.
 
         Args:
             algorithm: ``"newton"`` (default), a semismooth Newton method with fallback strategies;
@@ -798,8 +828,8 @@ class ContactProblem(ReadOnly):
             progress: whether rank 0 shows the progress on the standard error stream; default: only
                 if the solve takes longer than a few seconds.
             expected: guesses of the statuses, most likely first; each has one array per surface.
-                Newton's method starts from the states with these statuses before it starts from
-                the Functions. Default: no guesses.
+                Newton's method is tried with each guess in its first step, before it is tried with
+                the statuses of the Functions. Default: no guesses.
 
         Returns:
             Result with contact tables, resultants, residual histories and the KKT violation.
@@ -826,12 +856,13 @@ class ContactProblem(ReadOnly):
         progress: bool | None,
         shown: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
-        """Solve as in `solve`, without logging warnings; return also the final evaluation.
+        """Solve like `solve`, but without logging warnings; also return the final evaluation.
 
         Collective.
 
         Args:
-            trial: strategies that the solver may try; default: all.
+            trial: starting points of the solve, and whether all strategies are tried; default: all
+                strategies, from the Functions.
             algorithm: algorithm of the solver, see `solve`.
             monitor: read-only function of the iterates, see `solve`.
             increments: initial number of load increments, see `solve`.
@@ -869,14 +900,18 @@ class ContactProblem(ReadOnly):
         return result, evaluation
 
     def _have(self, statuses: Statuses) -> bool:
-        """Return whether status arrays match the contact points of this rank. Not collective."""
+        """Return whether statuses match the contact points and laws of this rank. Not collective.
+
+        Args:
+            statuses: statuses of the contact points, one array per surface.
+        """
         return len(statuses) == len(self.surfaces) and all(
             np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
             for s, codes in zip(self.surfaces, statuses, strict=True)
         )
 
     def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
-        """Wrap a monitor so that an error on one rank is raised on all ranks. Collective."""
+        """Return a monitor that raises an error of one rank on all ranks. Collective."""
 
         def call(step: Step) -> None:
             with everywhere(self.comm, "the monitor"):
@@ -887,14 +922,15 @@ class ContactProblem(ReadOnly):
 
     @collective("uniqueness", check_seconds)
     def uniqueness(self, *, state: State | None = None, proof_seconds: float = 0.0) -> Uniqueness:
-        """Decide whether a solution is the only one for the present data. Collective.
+        """Decide whether a solution is the only one for the current data. Collective.
 
         The following certificates are tried:
 
         1. Linear bodies with nodal or mixed contact, in 2D or, with friction, in 3D up to 128
            points: the body is condensed onto the contact points, and the pointwise certificate is
-           evaluated, which always holds without friction (up to round-off). If it fails and a
-           second solution is found quickly, that solution is returned, and a warning is logged.
+           evaluated. Without friction the certificate always holds (up to round-off). If it does
+           not hold and a second solution is found quickly, the result contains that solution, and a
+           warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
         3. If no certificate applies and no law is Coulomb friction: the theorems of `theory`.
@@ -904,13 +940,13 @@ class ContactProblem(ReadOnly):
         the displaced bodies.
 
         Args:
-            state: solution; default: present values of the Functions.
+            state: solution; default: current values of the Functions.
             proof_seconds: time limit in seconds for a proof by branch and bound if the pointwise
-                certificate fails; default: 0. If it is positive, Renard's criterion is computed
-                for any number of points.
+                certificate does not hold; default: 0. With a positive limit, Renard's criterion is
+                computed for any number of points.
 
         Raises:
-            ValueError: on every rank, if the state does not solve the problem with the present
+            ValueError: on every rank, if the state does not solve the problem with the current
                 data, ``proof_seconds`` is negative or differs between ranks, or the data are not
                 admissible.
         """
@@ -929,7 +965,7 @@ class ContactProblem(ReadOnly):
             return Uniqueness("not proved", violation) if violation else answer
 
     def theory(self) -> Theory:
-        """Return the theorems on existence and uniqueness that apply to the data. Collective.
+        """Return the theorems on existence and uniqueness that apply to the problem. Collective.
 
         Raises:
             ValueError: on every rank, if the data are not admissible.
@@ -967,9 +1003,10 @@ class ContactProblem(ReadOnly):
 
         Args:
             x: unknowns of the solution.
-            attempts: strategies that were tried; the last one converged.
+            attempts: attempts of the strategies that were tried; the last one converged.
             evaluation: evaluation of the solution.
-            shown: see `solve_step`.
+            shown: function of the solution that returns the equations and the evaluation used for
+                tables and indicators; default: equations and evaluation of the solution.
         """
         for attempt in attempts:
             attempt.evaluation = None
@@ -982,11 +1019,11 @@ class ContactProblem(ReadOnly):
         """Log warnings on rank 0. Not collective.
 
         Args:
-            warnings: texts by name. Warnings about the data are skipped, because
+            warnings: texts of the warnings by name. Warnings about the data are skipped, because
                 `ContactEquations.warn` has already logged them.
             logged: names of warnings that were already logged, for example in the same run. They
                 are skipped, and all names of ``warnings`` are added to this set. Default: none.
-            where: beginning of the texts; default: none.
+            where: text that precedes each warning; default: none.
         """
         logged = set() if logged is None else logged
         for name, text in warnings.items():
@@ -997,10 +1034,10 @@ class ContactProblem(ReadOnly):
     def destroy(self) -> None:
         """Free matrices and solvers immediately. Collective.
 
-        Without this call, they are freed together with the problem on one rank. On several ranks
-        they are freed when the next problem on the same mesh is created, because PETSc destroys
-        parallel objects collectively. `destroy` is useful for many problems on several ranks, each
-        with its own mesh.
+        Without this call, in a serial run they are freed together with the problem. On several
+        ranks they are freed when the next problem on the same mesh is created, because PETSc
+        destroys parallel objects collectively. Call `destroy` if a parallel run creates many
+        problems, each with its own mesh.
         """
         self._linear.release()
         self.equations.bulk.destroy()
