@@ -984,7 +984,8 @@ class ContactProblem(ReadOnly):
 
         Raises:
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
-                not fixed by Dirichlet data, contact is integral, or a law is not supported.
+                not fixed by Dirichlet data, contact uses ``method="integral"``, or a law is not
+                supported.
         """
         from dolfinx_contact.reduced.reduction import reduced_contact
 

@@ -74,10 +74,7 @@ class Layout:
         return moved
 
     def events(self, y: PETSc.Vec, piece: Piece) -> Events:
-        """Return the distances of ``y`` to the borders of a piece.
-
-        At a border, a point changes its status.
-        """
+        """Return the distances of a point y = (x, gamma) from the next change of a status."""
         return self.system.events(*self.split(y), piece)
 
     def events_along(self, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:

@@ -418,7 +418,7 @@ class ParametricEquations(System):
         return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
 
     def piece(self, statuses: Statuses) -> Piece:
-        """Return the piece of H with given statuses; clamped points are set to open.
+        """Return H with the given, fixed statuses; clamped points are set to open.
 
         Args:
             statuses: statuses of the contact points, one array per surface.

@@ -89,7 +89,7 @@ class Ended(Exception):
     """Exception that ends a run if no step continues it; its text is the reason.
 
     Attributes:
-        ending: kind of the end of the run (`Ending`).
+        ending: why the run ends (`Ending`).
     """
 
     def __init__(self, ending: Ending, reason: str):

@@ -248,7 +248,7 @@ class Interface(Potentials):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders of a status to statuses with a different state of the bond.
+        """Return the borders at which the state of the bond changes.
 
         Args:
             sides: interface at the point for each state of the bond.

@@ -173,7 +173,7 @@ class Overlap:
 
     @classmethod
     def of(cls, contact: Any) -> Overlap:
-        """Return the treatment of overlaps that a description requests.
+        """Return the treatment of overlaps requested by a `ContactSurface` or pair.
 
         Raises:
             ValueError: if its arguments ``interference`` and ``remove_overlap`` are invalid.
@@ -325,7 +325,7 @@ def _check_self(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Return descriptions of the arguments whose equality on all ranks is checked by text."""
+    """Return texts that describe the arguments, by which ranks check that they have equal ones."""
     domain = a.u.function_space.mesh
     fields = [f"{k} {described(e, domain)}" for k, e in a.law.given.items()]
     return {

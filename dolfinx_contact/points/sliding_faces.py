@@ -135,7 +135,7 @@ class _Searched(NamedTuple):
 
 
 class SlidingFaces:
-    """Slave and master of a pair in large sliding, and their opposing parts at a displacement.
+    """Slave and master face of a pair in large sliding; finds the facets that face each other.
 
     Args:
         V: displacement space of degree 1.
@@ -151,8 +151,8 @@ class SlidingFaces:
         searches: number of searches.
         kept: factors 0 for vector components at vertices that cancel with those of their mirror
             image across a plane of symmetry, otherwise 1, shape (vertices, dim).
-        images: factors that add the contributions of mirror images to sums of vectors around
-            vertices, shape (vertices, dim).
+        images: factors of vectors summed over the facets around a vertex, which account for the
+            mirror images of these facets, shape (vertices, dim).
         removed: overlaps in the mesh that are subtracted from gaps, at the local vertices.
         lost: in self-contact, mask of the slave facets that start inside the body and have no
             opposing facet within the search distance.

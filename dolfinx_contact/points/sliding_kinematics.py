@@ -386,7 +386,7 @@ class Facing:
 
     @cached_property
     def jumps(self) -> Array:
-        """Weights of the corners in the jumps at the quadrature points, shape (p, q, c)."""
+        """Weights of the c corners of p pairs of facets in the jumps at q points, shape (p, q, c)."""
         return np.concatenate([self.basis, -self.rays.weights], axis=2)
 
     @property

@@ -94,7 +94,7 @@ class BranchEntries:
     def point(
         self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0
     ) -> dict[str, Any]:
-        """Put a point into the problem and return its entry. Collective.
+        """Write a branch point into the Functions of the problem and return its entry. Collective.
 
         Args:
             index: number of the point on its branch.

@@ -244,7 +244,7 @@ def _fill(f: fem.Function, whole: Array | None) -> None:
 
 
 def input_numbers(domain: mesh.Mesh) -> Ints:
-    """Return the numbers of the local cells in the input mesh.
+    """Return the indices of the local cells in the input mesh.
 
     Raises:
         ValueError: if the cells have no numbers, as in a submesh.

@@ -28,7 +28,7 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     Facets from an STL file do not share points.
 
     Args:
-        path: path of a file .stl or .msh.
+        path: path of a .stl or .msh file.
         group: physical group of a .msh file, by name or tag; None for all facets.
 
     Raises:

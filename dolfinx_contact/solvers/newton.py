@@ -125,7 +125,7 @@ class _Run:
     Attributes:
         equations: contact problem.
         attempt: attempt recording the iterates.
-        latest: latest evaluation of H; None before the first evaluation.
+        latest: latest evaluation of the residual H; None before the first evaluation.
         prescribed: statuses with which H is evaluated; None for the statuses determined by the
             unknowns.
         most: number of steps after which the run ends; None to end only at a solution.
