@@ -31,10 +31,10 @@ class BranchLine:
         number: number of the branch; 0 for histories and paths.
         columns: values at all points, by name.
         statuses: status letters of all contact points, one string per point of the line.
-        marks: special points, one dictionary each: ``index`` of the point of the line at
-            or after the special point; ``kind``; ``text``; ``at``, a dictionary of column values
-            that are known at the special point; and ``share``, its relative position between the preceding point (0)
-            and the point ``index`` (1).
+        marks: special points, one dictionary each: ``index`` of the point of the line at or after
+            the special point; ``kind``; ``text``; ``at``, a dictionary of column values that are
+            known at the special point; and ``share``, its relative position between the preceding
+            point (0) and the point ``index`` (1).
         linear: whether the state is piecewise linear between the points.
         ending: reason why the line ends; "" if the run has not ended.
     """

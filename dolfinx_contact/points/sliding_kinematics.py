@@ -386,7 +386,7 @@ class Facing:
 
     @cached_property
     def jumps(self) -> Array:
-        """Weights of the c corners of p pairs of facets in the jumps at q points, shape (p, q, c)."""
+        """Weights of the c corners in the jumps at q points of p pairs, shape (p, q, c)."""
         return np.concatenate([self.basis, -self.rays.weights], axis=2)
 
     @property
