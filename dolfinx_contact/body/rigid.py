@@ -297,7 +297,8 @@ class Parts:
         squares = dot(here, here)[:, None, None] * np.eye(3)
         inertia = self.sums(squares - here[:, :, None] * here[:, None, :])
         momentum = self.sums(np.asarray(np.cross(here, moved), np.float64))
-        turns = transformed(np.linalg.pinv(inertia, hermitian=True), momentum)
+        inverse = np.asarray(np.linalg.pinv(inertia, hermitian=True), dtype=np.float64)
+        turns = transformed(inverse, momentum)
         return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
     def differences(self, u: Array) -> tuple[Array, Array]:

@@ -275,9 +275,9 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
     require(s.comm, left > 0, _why_none_is_left(s))
     if displacement_degree > multiplier_degree:
         _require_free_nodes(s, at_nodes, left)
-    clamped = np.zeros(s.points.number, dtype=bool)
+    clamped: Mask = np.zeros(s.points.number, dtype=bool)
     if not s.is_weak:
-        clamped = removed.all(axis=1)[: s.points.number]
+        clamped = np.all(removed[: s.points.number], axis=1)
     normals = s.points.vertex_normals.copy()
     return SurfaceConstraints(at_nodes, jumps, removed, clamped, owned, normals)
 
