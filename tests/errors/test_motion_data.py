@@ -55,7 +55,7 @@ def test_motion_refuses_an_initial_velocity_of_clamped_nodes(scheme):
     problem, _, _ = body()
     v = at_speed(problem, 0.3, 0.0)
     motion = NSCD(problem, 1.0, dt=0.05, velocity=v, scheme=scheme)
-    said = r"x at the node \(0, 1\) is 0.3 instead of the prescribed value 0; it would change"
+    said = r"x at the node \(0, 1\) is 0.3 instead of the prescribed value 0; the velocity would"
     with pytest.raises(ValueError, match=said) as info:
         motion.run([0.0, 0.2], progress=False)
     assert len(set(COMM.allgather(str(info.value)))) == 1
