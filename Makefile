@@ -10,7 +10,7 @@ WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,
 WHEEL_TESTS = tests/records/test_manifest.py tests/physics/test_blocks.py \
 	tests/physics/test_linear_triangle.py
 WHEEL_PROCESSES = 0
-# Runs of these tests on two ranks: MPICH has 2048 communicators, and meshes of earlier tests keep
+# Sets of these tests for separate runs on two ranks: MPICH has 2048 communicators, and meshes of earlier tests keep
 # theirs on several ranks.
 WHEEL_PARTS = '$(WHEEL_TESTS)'
 WHEEL_PYTEST = python3 -m pytest --color=no -rs
@@ -87,7 +87,7 @@ test-long:
 	$(RUN) mpirun -n 2 $(PYTEST) --long
 	$(RUN) mpirun -n 3 $(PYTEST) --long
 	$(MAKE) test-pip WHEEL_TESTS=tests WHEEL_PROCESSES=2 \
-		WHEEL_PARTS="'tests --ignore=tests/unit --ignore=tests/records' 'tests/unit tests/records'"
+		WHEEL_PARTS="'tests --ignore=tests/unit --ignore=tests/records' tests/unit tests/records"
 	$(MAKE) test-paraview
 	$(MAKE) test-browser
 
