@@ -10,8 +10,8 @@ WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,
 WHEEL_TESTS = tests/records/test_manifest.py tests/physics/test_blocks.py \
 	tests/physics/test_linear_triangle.py
 WHEEL_PROCESSES = 0
-# Sets of these tests for separate runs on two ranks: MPICH has 2048 communicators, and meshes of earlier tests keep
-# theirs on several ranks.
+# Sets of these tests for separate runs on two ranks: MPICH has 2048 communicators, and the meshes
+# of earlier tests keep theirs on several ranks.
 WHEEL_PARTS = '$(WHEEL_TESTS)'
 WHEEL_PYTEST = python3 -m pytest --color=no -rs
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.

@@ -269,12 +269,16 @@ class Parts:
             gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
         if self.axisymmetric:
             gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
-        fields = [x @ gradient for gradient in gradients]
-        columns = []
-        for a in fields:
-            forces = product(K, a.reshape(-1)).reshape(-1, dim)
-            columns.append(np.stack([dot(b, forces) for b in fields], axis=1))
-        return self.sums(np.stack(columns, axis=2))
+        # moments of the forces that cause the strains; an energy is a moment times a gradient
+        order = np.argsort(p, kind="stable")
+        ends = np.searchsorted(p[order], np.arange(1, self.number))
+        places = np.split(x[order], ends)
+        moments = []
+        for gradient in gradients:
+            forces = product(K, (x @ gradient).reshape(-1)).reshape(-1, dim)
+            pairs = zip(places, np.split(forces[order], ends), strict=True)
+            moments.append([a.T @ b for a, b in pairs])
+        return np.einsum("aij,bpij->pab", gradients, total(self.comm, moments))
 
     # -- displacements ---------------------------------------------------------------------------
 
