@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     *("FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "Drawing", "File", "add_status_legend"),
-    *("are_distinct", "around", "draw_edges", "drawn_on_root", "new_figure", "save", "shade"),
-    *("title_of", "with_unit", "words_of"),
+    *("are_distinct", "around", "draw_edges", "drawn_on_root", "legend_columns", "new_figure"),
+    *("save", "shade", "title_of", "with_unit", "words_of"),
 ]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
@@ -47,6 +47,7 @@ INK = "#22262b"
 FLOOR = "#c9ced4"
 NOT_FINITE = "#9a9a9a"
 _DPI = 130
+_ENTRY = 1.7  # width of an entry of a legend in inches
 _DENSE = 20.0  # size of cells in pixels below which their edges would hide the colours
 _MOST_TRIANGLES = 40_000  # largest number of triangles of the mesh on which a field is drawn
 _FINEST = 3  # number of times that an edge of a cell is halved in it
@@ -150,8 +151,19 @@ def add_status_legend(
     look: dict[str, Any] = dict(edgecolor=INK, lw=0.5)
     present = {k: name for k, name in names.items() if k in letters}
     handles = [Patch(facecolor=status.COLOURS[k], label=v, **look) for k, v in present.items()]
-    place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
+    columns = legend_columns(figure, max(len(handles), 1))
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=columns)
     figure.legend(handles=handles, frameon=False, title=title, **place)
+
+
+def legend_columns(figure: Figure | SubFigure, entries: int) -> int:
+    """Return the number of columns of a legend that fit into the width of a figure.
+
+    Args:
+        figure: figure with the legend.
+        entries: number of entries, at least 1.
+    """
+    return min(entries, max(int(figure.bbox.width / figure.dpi / _ENTRY), 1))
 
 
 # -- fields ----------------------------------------------------------------------------------------

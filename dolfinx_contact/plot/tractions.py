@@ -36,6 +36,7 @@ from dolfinx_contact.plot.figures import (
     around,
     draw_edges,
     drawn_on_root,
+    legend_columns,
     new_figure,
     shade,
     title_of,
@@ -88,6 +89,7 @@ def picture_of_contact(
     over: Literal["x", "y"] | None = None,
     title: str | None = None,
     units: Mapping[str, str] | None = None,
+    size: tuple[float, float] | None = None,
 ) -> Figure | None:
     """Draw pressure, shear and status of a contact surface. Collective.
 
@@ -113,6 +115,8 @@ def picture_of_contact(
             state.
         units: units of "length" and "stress" in the labels, such as ``{"length": "mm", "stress":
             "MPa"}``; default: none.
+        size: width and height in inches; by default (8.6, 5) in 2D, and in 3D according to the
+            shape of the surface.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -127,10 +131,10 @@ def picture_of_contact(
     same_everywhere(problem.comm, surface=s.name)
     with problem.at(state) as shown:
         data = contact_data(shown, s)
-    if not title:
+    if title is None:
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
         title = title_of(name, words_of(state))
-    draw = partial(draw_contact, data, [data], s, title, over, units or {})
+    draw = partial(draw_contact, data, [data], s, title, over, units or {}, size)
     return drawn_on_root(s.comm, file, draw)
 
 
@@ -141,6 +145,7 @@ def draw_contact(
     title: str,
     over: str | None,
     units: Mapping[str, str],
+    size: tuple[float, float] | None = None,
 ) -> Figure:
     """Draw pressure, shear and status of a contact surface. Not collective.
 
@@ -151,17 +156,24 @@ def draw_contact(
         title: title of the picture.
         over: see `picture_of_contact`.
         units: see `picture_of_contact`.
+        size: see `picture_of_contact`.
     """
     x, cells, labels = _along_curve(data, over) if s.dim == 2 else _projected(data)
     box = np.transpose([_limits(column, data) for column in x.T])
     frame = _Frame(s, x, cells, box, labels, data, frames, units)
-    figure = _draw_curve(frame) if s.dim == 2 else _draw_map(frame)
+    figure = _draw_curve(frame, size) if s.dim == 2 else _draw_map(frame, size)
     visible = np.isin(np.arange(len(x)), cells) & np.all((box[0] <= x) & (x <= box[1]), axis=1)
     names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
     letters = ["".join(d["letters"][visible]) for d in (data, *frames)]
     counted = {k: f"{name} ({letters[0].count(k)})" for k, name in names.items()}
     add_status_legend(figure, "".join(letters), counted, "status (vertices)")
-    figure.suptitle(title, fontweight="bold")
+    if s.dim == 2:
+        # above the axes, where it covers no line in any frame
+        look: dict[str, Any] = dict(title_fontproperties={"weight": "bold"}, alignment="left")
+        look |= dict(loc="outside upper left", ncols=legend_columns(figure, 4), frameon=False)
+        figure.legend(title=title or None, **look)
+    else:
+        figure.suptitle(title, fontweight="bold")
     figure.get_layout_engine().set(h_pad=_TITLE_PAD)
     return figure
 
@@ -263,10 +275,11 @@ def _limits(x: Array, data: Arrays) -> tuple[float, float]:
 # -- curves in 2D --------------------------------------------------------------------------------
 
 
-def _draw_curve(frame: _Frame) -> Figure:
+def _draw_curve(frame: _Frame, size: tuple[float, float] | None) -> Figure:
     """Draw the tractions on a 2D surface over its arc length or over a coordinate."""
     at, data = frame.x[:, 0], frame.data
-    axes = new_figure((8.6, 5.0)).add_subplot()
+    figure = new_figure(size or (8.6, 5.0))
+    axes = figure.add_subplot()
     pressure, shear, bound = data["pressure"], data["shear"], data["bound"]
     lines = {
         "pressure": (pressure, "#8c2d19", "-"),
@@ -291,9 +304,7 @@ def _draw_curve(frame: _Frame) -> Figure:
     axes.set(xlim=frame.box[:, 0], ylim=(np.min(bounds) - margin, np.max(bounds) + margin))
     axes.set(xlabel=frame.label(0), ylabel=frame.stress("traction"))
     axes.spines[["top", "right"]].set_visible(False)
-    # above the axes, where it covers no line in any frame
-    axes.legend(frameon=False, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    return axes.figure
+    return figure
 
 
 def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str]]:
@@ -342,14 +353,15 @@ def _along_curve(data: Arrays, over: str | None) -> tuple[Array, Cells, list[str
 # -- maps in 3D ----------------------------------------------------------------------------------
 
 
-def _draw_map(frame: _Frame) -> Figure:
+def _draw_map(frame: _Frame, size: tuple[float, float] | None) -> Figure:
     """Draw two maps of a projected 3D surface: the pressure, and the status with the shear."""
     x, cells = frame.x, frame.cells
     wide, tall = frame.box[1] - frame.box[0]
     # panels side by side; those of a long surface are above each other, and stretched
     is_long = bool(tall < _FLAT * wide)
     ratio = _FLAT if is_long else float(tall / wide)
-    figure = new_figure((11.2, 22 * ratio + 3 if is_long else 5 * ratio + 2.2), "compressed")
+    size = size or (11.2, 22 * ratio + 3 if is_long else 5 * ratio + 2.2)
+    figure = new_figure(size, "compressed")
     left, right = figure.subplots(*((2, 1) if is_long else (1, 2)), sharex=True, sharey=True)
     width = 0.15 * are_distinct(x, cells, _PANEL / float(max(wide, tall)))
     # pressure; without bonds negative values are discretisation errors
