@@ -194,8 +194,11 @@ def start_by_lemke(
     reduction: Reduction | None = None
     known = all(s.law.bound_kind == "proportional" for s in equations.surfaces)
     try:
-        if not known or not can_condense(system, partly=True):
-            attempt.reason = "needs contact at the nodes with Coulomb's law or without friction"
+        if not known:
+            attempt.reason = "needs Coulomb's law or contact without friction"
+            return False
+        if not can_condense(system, partly=True):
+            attempt.reason = "the body cannot be condensed onto its contact points"
             return False
         reduction = Reduction(system, x, 0.0, exact=True)
         problem = reduction.problem(unit=reduction.force_unit)

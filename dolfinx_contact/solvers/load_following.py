@@ -101,6 +101,8 @@ def _follow(system: Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl
             last = branch.points[-1]
             if last.gamma < 1.0:
                 attempt.reason = f"{branch.reason}, at {last.gamma:.4g} of the load"
+                if branch.complete:
+                    attempt.reason = "the branch of solutions returns to the unloaded state"
                 return False
             x.array[:] = last.y.array_r[: x.getLocalSize()]
     except ValueError as error:
