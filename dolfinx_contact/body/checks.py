@@ -40,6 +40,7 @@ def check_body(bulk: Any, u: fem.Function, bcs: Sequence[fem.DirichletBC]) -> No
     if not isinstance(bulk, ufl.Form):
         density = isinstance(bulk, ufl.core.expr.Expr)
         hint = ": multiply the energy density by ufl.dx" if density else ""
+        hint = ": pass the form of UFL, before fem.form" if isinstance(bulk, fem.Form) else hint
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
     refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
     _check_integrals(bulk)
