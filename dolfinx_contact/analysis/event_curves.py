@@ -119,7 +119,10 @@ class EventCurve:
 
     @property
     def breaks(self) -> Array:
-        """Values of mu, sixteen per segment, between which two curves should cross at most once."""
+        """Values of mu that divide each segment into sixteen parts, shape (n,).
+
+        Two curves are assumed to cross at most once between two of these values.
+        """
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:

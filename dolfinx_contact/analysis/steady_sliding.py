@@ -76,7 +76,8 @@ class SlidingModes:
             sorted by decreasing real part (growth), shape (k,).
         known_up_to: magnitude |lambda| (for the undamped body) up to which no eigenvalue is
             missing; infinite if all were computed.
-        real, imaginary: displacements of the first vibration, a quarter of a period apart.
+        real, imaginary: displacements of the fastest growing vibration at two instants, a quarter
+            of a period apart.
     """
 
     eigenvalues: Complex

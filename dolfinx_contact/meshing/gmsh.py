@@ -103,7 +103,7 @@ class GmshMesh(NamedTuple):
 
     @collective("facets of a group")
     def facets(self, name: str) -> Indices:
-        """Return the local indices of the facets of the group ``name``. Collective.
+        """Return the local indices of the n facets of the group ``name``, shape (n,). Collective.
 
         Raises:
             ValueError: on every rank, if no group has this name, or ranks request different ones.

@@ -418,7 +418,7 @@ class Journal(AnyJournal):
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return the points of one branch or of all branches as NumPy arrays by name.
+        """Return the points of one or all branches as arrays by name, shape (points,) each.
 
         The names are ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``,
         ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and
@@ -585,7 +585,7 @@ class PathJournal(EvolutionJournal):
 
     @property
     def gammas(self) -> Array:
-        """Load parameter gamma at the start and at all accepted points."""
+        """Load parameter gamma at the start and at all accepted points, shape (points,)."""
         return np.array([s.gamma for s in self.states])
 
     @property

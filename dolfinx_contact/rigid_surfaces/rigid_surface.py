@@ -76,8 +76,8 @@ class RigidSurface(ReadOnly, Obstacle):
         name: name of the surface in messages.
 
     Attributes:
-        points: points of the facets, read-only.
-        cells: facets, read-only.
+        points: coordinates of the points of the facets, read-only, shape (m, dim).
+        cells: indices of the points of each facet, read-only, shape (k, dim).
         closed: whether the surface has no rim.
         mark: hash of all data, used to compare ranks and in records.
         crease: crease angle in degrees.
