@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Small dense systems with affine pieces, identical on every rank.
 
-Each point i has k variables w_i (such as displacement and force of a contact point) and d
-equations, with
+Each point i has k variables w_i (such as displacement and force of a contact point) with
 
     sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones.
 
@@ -43,8 +42,8 @@ def largest(values: Array) -> float:
 class AffineSystem:
     """System M w = p + gamma q in the variables w of contact points, confined to cones.
 
-    Each of the m points has k variables and one polyhedral cone for each of its statuses. There are
-    N = m d equations, where d is the dimension of the subspace of a cone.
+    Each of the m points has k variables and one polyhedral cone for each of its statuses. The cones
+    have dimension d; there are N = m d equations.
 
     Attributes:
         matrix: coefficients M, shape (N, m, k).
@@ -53,8 +52,8 @@ class AffineSystem:
         bases: bases B of the subspaces of the cones, shape (m, statuses, k, d), oriented so that
             the determinant of each piece has the same sign as the corresponding determinant of the
             piecewise smooth system.
-        inequalities: coefficients C of the inequalities C w >= 0 of the cones, at most e for each
-            cone, padded with zero rows, shape (m, statuses, e, k).
+        inequalities: coefficients C of at most e inequalities C w >= 0 per cone, padded with zero
+            rows, shape (m, statuses, e, k).
         classify: function that maps a state outside the cones, shape (m, k), to the statuses of the
             next iteration of Newton's method, shape (m,).
         allowed: mask of the statuses that each point may take, shape (m, statuses).
@@ -91,10 +90,7 @@ class AffineSystem:
         return np.asarray(values[np.arange(self.points), codes])
 
     def pieced(self, codes: Codes) -> Array:
-        """Return the matrix M B of the N equations for given statuses, shape (N, N).
-
-        B contains the bases of the cones that belong to the statuses ``codes``.
-        """
+        """Return the matrix M B, with the bases B of the cones of ``codes``, shape (N, N)."""
         B = self.of_codes(self.bases, codes)
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
@@ -111,10 +107,7 @@ class AffineSystem:
         return AffinePiece(self, codes, inverse, float(np.linalg.slogdet(A)[0]))
 
     def slacks(self, codes: Codes, w: Array) -> Array:
-        """Return the values C w of the cone inequalities C w >= 0 for the statuses ``codes``.
-
-        The shape is (m, e) for m points with at most e inequalities each; padded rows are inf.
-        """
+        """Return the values C w of the inequalities C w >= 0, shape (m, e); inf for padded rows."""
         C = self.of_codes(self.inequalities, codes)
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
@@ -122,10 +115,7 @@ class AffineSystem:
     def step(self, codes: Codes, w: Array, direction: Array) -> float:
         """Return the multiple of a direction at which a state reaches its first border, or inf.
 
-        Args:
-            codes: statuses of the points, shape (m,).
-            w: state inside the cones of these statuses, shape (m, k).
-            direction: change of the state, shape (m, k).
+        The state ``w`` lies in the cones of ``codes``; ``w`` and ``direction`` have shape (m, k).
         """
         slack = self.slacks(codes, w)
         rate = self.slacks(codes, direction)
@@ -133,11 +123,9 @@ class AffineSystem:
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> Mask:
-        """Return a mask of the statuses whose closed cones contain a state, shape (m, statuses).
+        """Return a mask of the statuses whose closed cones contain ``w``, shape (m, statuses).
 
-        Args:
-            w: variables of the m points, shape (m, k).
-            tolerance: distance from a cone that counts as zero.
+        The variables ``w`` have shape (m, k); distances up to ``tolerance`` count as zero.
         """
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
@@ -156,10 +144,9 @@ class AffineSystem:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
-        """Return the tangent cone at a state: the system of the directions leading out of it.
+        """Return the tangent cone at ``w``: the system of the directions leading out of it.
 
-        A direction changes the variables by dw and the parameter by dgamma. It satisfies M dw =
-        dgamma q with the coefficients M and the load q of this system. A point may take all
+        A direction changes w by dw and gamma by dgamma, with M dw = dgamma q. A point may take all
         statuses whose cones contain its variables. Only the inequalities that are active at ``w``
         remain.
         """
@@ -230,15 +217,11 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece in which one point has another status; None if it is singular.
+        """Return the piece in which ``point`` has the status ``code``; None if it is singular.
 
         The inverse is updated by a matrix whose rank is the number d of coordinates of a point
         (Woodbury formula), which costs N^2 d operations for N equations. If the result is not
         accurate, the matrix is inverted.
-
-        Args:
-            point: index of the point.
-            code: new status of the point.
         """
         s = self.system
         codes = self.codes.copy()

@@ -51,8 +51,7 @@ def check_system(system: Any) -> None:
 def require_smooth(system: System) -> None:
     """Raise ``ValueError`` if the system has kinks where no status changes.
 
-    Such kinks are not visible in the statuses. Continuation assumes that H is smooth as long as no
-    status changes.
+    The statuses do not show such kinks, and continuation assumes that H is smooth between changes.
     """
     if system.kinks:
         raise ValueError(
@@ -64,15 +63,10 @@ def require_smooth(system: System) -> None:
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
-    """Return the two ends of the range of a parameter after validation.
-
-    Args:
-        ends: lowest and highest value.
-        starts: values that must lie in the range.
-        parameter: name of the parameter, for messages.
+    """Return the lowest and highest value of a parameter after validation.
 
     Raises:
-        ValueError: if the range is not valid or does not contain ``starts``.
+        ValueError: if the range is not valid or does not contain all ``starts``.
     """
     name = f"{parameter}_range"
     low, high = (float(end) for end in vector(ends, name, 2))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Test function of smooth bifurcations, and the tangent of the bifurcating branch.
 
-Let J = [grad H; t^T] be the matrix of the bordered system with the unit tangent t of the branch.
-With constant vectors B and C, called borders, tau in
+With J = [grad H; t^T], the unit tangent t of the branch and constant vectors (borders) B and C, tau
+in
 
     [ J   B ] [ V   ]   [ 0 ]
     [ C^T 0 ] [ tau ] = [ 1 ]
@@ -84,10 +84,9 @@ class BifurcationTest:
         return tau
 
     def kernel(self) -> PETSc.Vec:
-        """Return the vector V of the last evaluation of the test function, normalised.
+        """Return the normalised vector V of the last evaluation (see the module).
 
-        V and the test function tau solve the system in the docstring of the module. Where tau
-        vanishes, V spans the kernel of J.
+        Where the test function tau vanishes, V spans the kernel of J.
         """
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()

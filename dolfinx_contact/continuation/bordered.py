@@ -87,14 +87,10 @@ class Bordered(Layout):
         return self.solver.determinant_sign() * float(np.sign(self.solver.row.dot(t)))
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set `x_scale`, the squared unit of x, from the first tangent that moves x.
+        """Set `x_scale`, the squared unit of x, from the first tangent ``t`` that moves x.
 
         x and gamma then contribute equally to the length of the tangent. Tangents that move x by
-        less than round-off do not count.
-
-        Args:
-            t: tangent.
-            y: point of the tangent.
+        less than round-off at the point ``y`` do not count.
         """
         if self.x_scale > 0.0:
             return

@@ -289,10 +289,7 @@ class Diagram(Ends):
         ]
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers and lists that are written to ``summary.json``, by name.
-
-        Lists with one entry for each branch have the order of `edges`.
-        """
+        """Return the numbers and lists of ``summary.json``, branches in the order of `edges`."""
         return {
             "converged": self.ending is Ending.REACHED,
             "reason": self.reason,

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rays of the tangent cone at a point where pieces of an affine system meet.
 
-A ray is a direction in which a solution can leave the point: a change dw of the variables and a
-change dgamma of the parameter. It satisfies M dw = dgamma q, with the coefficients M and the load q
-of the system, and dw lies in the cones of the points. Two methods compute the rays:
+A ray is a change (dw, dgamma) of variables and parameter with which a solution leaves the point: M
+dw = dgamma q, with coefficients M and load q of the system, and dw in the cones of the points. Two
+methods compute the rays:
 
-- *Enumeration* of all pieces, that is, combinations of statuses, up to `MOST_PIECES`. The set is
-  complete and includes rays with dgamma = 0, along which gamma is constant.
+- *Enumeration* of all pieces (combinations of statuses), up to `MOST_PIECES`. The set is complete
+  and includes rays with dgamma = 0, along which gamma is constant.
 - *Unfolding* otherwise. With an additional load e, the system M w = gamma q + e has branches
   without degenerate points, each of which arrives along one ray and leaves along another. The
-  branches are traced by pivoting, starting from the rays found so far and from a random state,
-  which defines e. Different loads e connect different pairs of rays. Unfolding does not prove
-  completeness; the system may provide a proof (`System.prove_rays`).
+  branches are traced by pivoting, from the rays found so far and from a random state, which defines
+  e. Different loads e connect different pairs of rays. Unfolding does not prove completeness; the
+  system may provide a proof (`System.prove_rays`).
 """
 
 from __future__ import annotations
@@ -96,8 +96,7 @@ def neighbours(
         tolerance: value of a cone inequality that counts as zero.
 
     Returns:
-        Affine systems with the new statuses, each with the direction of gamma, 1 or -1, in which
-        the branch continues.
+        Affine systems, each with the direction of gamma, 1 or -1, in which the branch continues.
     """
     pieces = []
     for code in np.flatnonzero(possible):
@@ -151,8 +150,7 @@ def outgoing(
 def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
     """Add the rays of a proof to the rays found by unfolding.
 
-    The result is complete if the proof is complete and the matrices for the statuses of all its
-    rays are regular.
+    The result is complete if the proof is complete and the matrices of all its rays are regular.
     """
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
@@ -176,12 +174,6 @@ def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tup
 
 def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], list[Codes], str]:
     """Find the rays for all combinations of statuses.
-
-    Points that can have only one status are eliminated first.
-
-    Args:
-        cone: tangent cone.
-        choices: possible statuses of each point.
 
     Returns:
         Rays; combinations of statuses with infinitely many rays, of which only the extreme ones,
@@ -235,11 +227,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
 
 
 def _solve_all(A: Array, q: Array) -> tuple[Mask, Array]:
-    """Solve A_i z_i = q for a stack of matrices A_i.
-
-    Returns:
-        Mask of the regular matrices, and the solutions z_i, 0 for singular matrices.
-    """
+    """Solve A_i z_i = q; return a mask of the regular A_i, and z_i, 0 for singular A_i."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -287,8 +275,7 @@ def _senses(
         codes: statuses of the points.
         kinked: indices of the points that may take several statuses (kinked points).
         smooth: indices of the eliminated points, which may take one status only.
-        fixed: columns of the matrix M B (`AffineSystem.pieced`) that belong to the eliminated
-            points.
+        fixed: columns of M B (`AffineSystem.pieced`) of the eliminated points.
         z: coordinates of the kinked points in the bases of their cones.
         rate: component dgamma of the kernel vector.
     """
@@ -348,10 +335,7 @@ def _unfold(cone: AffineSystem, known: Sequence[AffineRay], choices: Choices) ->
 def _random_state(
     cone: AffineSystem, choices: Choices, random: np.random.Generator
 ) -> tuple[Codes, Array]:
-    """Return random statuses and a random state.
-
-    The state lies inside the cones of these statuses, unless no such state is found in 100 trials.
-    """
+    """Return random statuses and a random state, inside their cones if found in 100 trials."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
     B = cone.of_codes(cone.bases, codes)
     w: Array = np.zeros(cone.matrix.shape[1:])
@@ -366,10 +350,7 @@ def _random_state(
 
 
 def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
-    """Yield rays that Newton's method finds for increasing and decreasing gamma.
-
-    The initial statuses are the same at all points, where possible.
-    """
+    """Yield rays with dgamma = 1 and -1 that Newton's method finds from uniform statuses."""
     for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
         start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
         codes = cone.solve(gamma, start)
@@ -379,10 +360,9 @@ def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """Trace the branch that arrives along ``ray``, and return the ray along which it leaves.
+    """Return the ray along which the unfolded branch arriving along ``ray`` leaves.
 
-    The branch is that of the unfolded system, the cone with an additional load. The result is None
-    if gamma is constant along ``ray`` or the branch cannot be traced.
+    The result is None if gamma is constant along ``ray`` or the branch cannot be traced.
     """
     if ray.rate == 0:
         return None

@@ -76,12 +76,7 @@ class _Matrices:
     codes: Codes | None = None
 
     def begin(self, codes: Codes | None, *, reusable: bool) -> None:
-        """Record that a new matrix has been assembled.
-
-        Args:
-            codes: statuses with which it was assembled.
-            reusable: whether chord steps may use it.
-        """
+        """Record that a matrix has been assembled, for statuses and possibly for chord steps."""
         self.from_before = False
         self.reusable = reusable
         self.number += 1
@@ -120,8 +115,7 @@ class Corrector:
         scales: scales of residuals (`System.measure`) at the accepted states of the branch.
 
     Raises:
-        ValueError: if the PETSc options set a type of the SNES, because a correction takes its own
-            steps.
+        ValueError: if the PETSc options set a type of the SNES.
     """
 
     def __init__(self, bordered: Bordered, control: StepControl, *, chords: bool = True):
@@ -187,10 +181,7 @@ class Corrector:
         return scales is not None
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
-        """Correct the unknowns of ``y`` in place at fixed gamma; return False if this fails.
-
-        After a correction, ``y`` has exactly the given gamma.
-        """
+        """Correct ``y`` in place at exactly the given gamma; return False if this fails."""
         b = self.bordered
         t = b.last_unit(2 * b.gamma_scale**2)  # its dual vector is the unit vector of gamma
         corrected = self.pseudo_arclength(y, b.last_unit(0.0), t, gamma, piece)
@@ -252,15 +243,9 @@ class Corrector:
     ) -> PETSc.Vec:
         """Return an initial guess for the tangent at ``y``, extrapolated along a parabola.
 
-        The parabola leaves ``start`` along ``t`` and passes ``y``. The guess is scaled so that its
-        product with the last row of the matrix is 1. Without a start, or with a direct solver, the
+        The parabola leaves ``start`` along ``t`` and passes ``y``. The product of the guess with
+        the last row ``row`` of the matrix is 1. Without a start, or with a direct solver, the
         result is ``t``.
-
-        Args:
-            y: point of the branch.
-            start: previous point of the branch.
-            t: tangent at ``start``.
-            row: last row of the matrix.
         """
         if start is None or self.bordered.solver.is_direct:
             return t
@@ -471,12 +456,7 @@ class _Run:
     # -- iterative solves ------------------------------------------------------------------------
 
     def _accuracy(self, y: PETSc.Vec, changed: float) -> dict[str, Any]:
-        """Return the required accuracy of the next linear solve, as keywords of `Krylov.solve`.
-
-        Args:
-            y: point before the step.
-            changed: fraction of points whose status has changed.
-        """
+        """Return the accuracy of the next linear solve, as keyword arguments of `Krylov.solve`."""
         assert self._error is not None
         tolerance = self._control.tolerance
         if self._error <= tolerance:
@@ -487,12 +467,7 @@ class _Run:
         return {"rtol": rtol, "model": (self._rule, partial(self._remainder, y))}
 
     def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
-        """Return the norm of the contact rows of H after a step (`System.contact_rows`).
-
-        Args:
-            y: point before the step.
-            step: vector to be subtracted from ``y``.
-        """
+        """Return the norm of the contact rows of H (`System.contact_rows`) at ``y - step``."""
         b = self._b
         self._work.away.waxpy(-1.0, step, y)
         rows = b.system.contact_rows(*b.split(self._work.away), self._piece)

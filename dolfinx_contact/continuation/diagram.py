@@ -113,8 +113,7 @@ def explore(
             some seconds.
 
     Returns:
-        Diagram. It is partial if the budget of steps or branches is exhausted; `Diagram.reason`
-        then states which.
+        Diagram. It is partial if the budget of steps or branches is exhausted (`Diagram.reason`).
 
     Raises:
         ValueError: on every rank, if an argument is invalid or differs between ranks, or no
@@ -322,13 +321,7 @@ class _Explorer:
         return self._new_node(special, rays)
 
     def _new_node(self, special: SpecialPoint, rays: list[Ray], incoming: int | None = None) -> int:
-        """Add a node and return its index.
-
-        Args:
-            special: bifurcation.
-            rays: outgoing rays of the bifurcation.
-            incoming: index of the branch that arrived along the first ray; None at a start.
-        """
+        """Add a node and return its index; an incoming branch occupies its first ray."""
         edges: list[int | None] = [incoming, *[None] * (len(rays) - 1)]
         self.diagram.nodes.append(Node(special, rays, edges))
         return len(self.diagram.nodes) - 1

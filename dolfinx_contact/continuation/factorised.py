@@ -44,9 +44,7 @@ _WORN = 20  # number of GMRES iterations above which the next matrix is factoris
 
 
 class BorderedMatrix:
-    """Assembled matrix [A c; w^T s]: a square matrix A with one more row and column.
-
-    Methods are collective.
+    """Assembled matrix [A c; w^T s], A bordered by a column and a row. Methods are collective.
 
     Args:
         layout: layout of vectors (x, gamma).
@@ -68,13 +66,7 @@ class BorderedMatrix:
         self.matrix = PETSc.Mat()
 
     def assemble(self, A: PETSc.Mat, c: PETSc.Vec, row: PETSc.Vec) -> None:
-        """Assemble the bordered matrix.
-
-        Args:
-            A: square block, derivative with respect to x.
-            c: last column, derivative with respect to gamma.
-            row: last row (w, s).
-        """
+        """Assemble the matrix from A (for x), the column c (for gamma) and the last row (w, s)."""
         layout = self._layout
         comm = layout.comm
         column, border, corner = self._blocks
@@ -92,9 +84,7 @@ class BorderedMatrix:
 
 
 class _RowUpdate:
-    """Solver for a matrix A_1 that differs in a few rows from a factorised matrix A_0.
-
-    The notation is that of the module. Methods are collective.
+    """Solver for a matrix A_1 differing in a few rows from a factorised A_0. Collective.
 
     Args:
         factor: factorisation of A_0.
@@ -214,10 +204,7 @@ class _RowUpdate:
         return np.concatenate(V.comm.tompi4py().allgather(local))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with the updated matrix; return False if this fails.
-
-        Before an update the factorised matrix itself is used.
-        """
+        """Solve with A_1 or, before an update, with A_0 (see the class); False if this fails."""
         solved = self._factor.solve(b, x)
         if solved and self._W:
             x.maxpy(-np.linalg.solve(self._S, self._products([x])[:, 0]), self._W)
@@ -291,14 +278,7 @@ class Factorised:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Assemble the bordered matrix J for the following solves.
-
-        Args:
-            y: point (x, gamma).
-            row: last row of J.
-            piece: fixed statuses of all points; None to determine them from the state.
-            along: approximate tangent, which only iterative solvers use (`krylov`); ignored.
-        """
+        """Assemble the bordered matrix with the last row ``row``; ``along`` is ignored."""
         system = self._layout.system
         x, gamma = self._layout.split(y)
         system.jacobian(x, gamma, piece)
@@ -336,10 +316,7 @@ class Factorised:
         return self._is_updated
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec, **_: Any) -> bool:
-        """Solve with the bordered matrix; return False on failure.
-
-        Keywords for iterative solvers are ignored.
-        """
+        """Solve with the bordered matrix; return False on failure. Other keywords are ignored."""
         if not self._is_current:
             reused = self._serves and (self._has_few_changes() or self._is_large)
             if reused and self._solve_by_gmres(rhs, out):
@@ -360,10 +337,7 @@ class Factorised:
         return bool(self._gmres.getConvergedReason() > 0 and np.isfinite(out.norm()))
 
     def determinant_sign(self) -> float:
-        """Return the sign of the determinant of the bordered matrix, up to a constant factor.
-
-        The result is 0 if the matrix is singular.
-        """
+        """Return the sign of the bordered determinant up to a constant factor; 0 if it vanishes."""
         if not self._is_current and self._has_few_changes():
             return self._update.determinant_sign
         return self.factor.determinant_sign if self._is_current or self._factorise() else 0.0

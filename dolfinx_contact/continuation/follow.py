@@ -177,8 +177,8 @@ def follower_for(
             pivoting where possible.
 
     Raises:
-        ValueError: if pivoting is requested for a system that is not affine for fixed statuses, the
-            scale of gamma is not positive, or H has kinks where no status changes.
+        ValueError: if the scale of gamma is not positive, H has kinks where no status changes, or
+            pivoting is requested for a system that is not affine for fixed statuses.
     """
     require_smooth(system)
     positive(gamma_scale, "gamma_scale")
@@ -257,12 +257,7 @@ class Follower(Tracer):
         return self.system.piece_at(x, beyond) if self.bordered.anywhere(then > now) else piece
 
     def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
-        """Raise ``ValueError`` if H does not depend on gamma near a state.
-
-        Args:
-            y: point (x, gamma) of the state.
-            piece: piece of H at the state; it is sufficient that its borders depend on gamma.
-        """
+        """Raise ``ValueError`` unless H or the borders of ``piece`` depend on gamma near ``y``."""
         system = self.system
         x, gamma = self.bordered.split(y)
         c = system.create_vector()
@@ -307,10 +302,6 @@ class Follower(Tracer):
 
         The point lies at a small distance along the ray. If a status changes within this distance,
         the nonsmooth point itself is returned, at which the tangent of the ray is exact.
-
-        Args:
-            special: nonsmooth point or bifurcation from which the ray leads.
-            ray: ray to be traced.
 
         Raises:
             ValueError: if no solution is found there.
@@ -425,10 +416,7 @@ class Follower(Tracer):
         return None
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
-        """Return True if the step from ``point`` to ``new`` returns to the start of the branch.
-
-        The step must pass the start in the direction of its tangent.
-        """
+        """Return True if the step to ``new`` passes ``start`` in the direction of its tangent."""
         b = self.bordered
         if point is start or not b.is_same_piece(start.piece, point.piece):
             return False

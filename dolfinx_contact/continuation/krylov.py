@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Krylov method for the bordered matrix, for systems that are too large to factorise.
 
-The matrix is J = [A c; w^T w_gamma] with the derivatives A = H_x and c = H_gamma of the system H(x,
-gamma) = 0 and the last row (w, w_gamma). Let P^-1 be an approximate inverse of A, v an
-approximation of A^-1 c, and s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
+The matrix is J = [A c; w^T w_gamma] with A = H_x and c = H_gamma. Let P^-1 be an approximate
+inverse of A, v an approximation of A^-1 c, and s = w_gamma - w^T v. For a right-hand side (f, g)
+the block elimination
 
     x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
 
@@ -135,10 +135,7 @@ class Krylov:
         self._regular = bool(np.isfinite(self._s) and self._s != 0)
 
     def _takes_from(self, tangent: PETSc.Vec) -> bool:
-        """Compute v = -t_x / t_gamma from an approximate tangent; return False if v is inaccurate.
-
-        Collective.
-        """
+        """Compute v = -t_x / t_gamma from a tangent; return False if inaccurate. Collective."""
         x, gamma = self._layout.split(tangent)
         if gamma == 0:
             return False
@@ -159,12 +156,7 @@ class Krylov:
         self.solves += 1
 
     def apply(self, _pc: PETSc.PC | None, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the preconditioner, a block elimination, to ``b``; also called by PETSc.
-
-        Args:
-            b: right-hand side.
-            y: vector (x, gamma) that receives the result.
-        """
+        """Apply the block elimination to a right-hand side b = (f, g); also called by PETSc."""
         f, g = self._layout.split(b)
         self._apply(f, self._x)
         gamma = (g - float(self._w.dot(self._x))) / self._s
@@ -200,8 +192,8 @@ class Krylov:
             out: receives the solution.
             rtol: sufficient relative residual.
             near: initial guess; default: the result of the block elimination.
-            model: pair of a `Forcing` rule and a function that returns the nonlinear residual after
-                a step; with them a solve may end earlier. Default: none.
+            model: pair of a `Forcing` rule and a function returning the nonlinear residual after a
+                step; it may end the solve earlier. Default: none.
         """
         if not self._regular:
             return False
@@ -247,10 +239,7 @@ class Krylov:
         return bool(np.isfinite(out.norm()))
 
     def _test(self, ksp: PETSc.KSP, _iteration: int, norm: float) -> int:
-        """End the iteration if the residual of the nonlinear rows is small; called by PETSc.
-
-        Collective.
-        """
+        """End the iteration if the nonlinear rows are accurate; called by PETSc. Collective."""
         if self._asked is None:
             return 0
         (forcing, remainder), size, start = self._asked
@@ -276,10 +265,7 @@ class Krylov:
         return True
 
     def determinant_sign(self) -> float:
-        """Return the sign of the determinant of the bordered matrix, up to a constant factor.
-
-        The result is 0 if the matrix is singular.
-        """
+        """Return the sign of the bordered determinant up to a constant factor; 0 if it vanishes."""
         if self._sign is None:
             self._sign = 0.0
             probe = self._layout.joined(self._layout.system.probe(0), 0.0)

@@ -78,10 +78,7 @@ class Layout:
         return self.system.events(*self.split(y), piece)
 
     def events_along(self, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:
-        """Return the distances of ``y`` to the borders of a piece, and their derivatives.
-
-        At a border, a point changes its status. The derivatives are those along ``t``.
-        """
+        """Return the distances of ``y`` to the borders of a piece, and their rates along ``t``."""
         events = self.events(y, piece)
         ahead = matched_distances(events, self.events(self.moved(y, PROBE, t), piece))
         return events, np.asarray((ahead - events.distance) / PROBE, dtype=np.float64)

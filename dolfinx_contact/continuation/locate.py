@@ -39,8 +39,7 @@ class _End(Generic[V]):
     Attributes:
         s: distance from the start of the step, measured along the tangent at the start.
         y: state (x, gamma).
-        value: value of the function whose zero is located, or distances to the borders of a piece,
-            at this end.
+        value: value of the function to be zeroed, or distances to borders, at this end.
         weight: factor of ``value`` in the next secant step.
         stayed: True if the last step moved the other end.
     """
@@ -55,8 +54,7 @@ class _End(Generic[V]):
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
     """Return the ends of the bracket that remains after a trial point.
 
-    The trial point ``new`` replaces the end ``high`` if it lies beyond the zero (``beyond``),
-    otherwise the end ``low``.
+    The trial point replaces the end ``high`` if it lies beyond the zero, otherwise ``low``.
     """
     staying = low if beyond else high
     staying.weight /= 2 if staying.stayed else 1
@@ -72,8 +70,7 @@ class Locator:
 
     Attributes:
         test: test function of smooth bifurcations.
-        largest_distance: largest distance of a state to a change of status (`Events.distance`) so
-            far; unit of these distances.
+        largest_distance: largest distance to a change of status so far, the unit of distances.
     """
 
     def __init__(self, corrector: Corrector):
@@ -86,10 +83,9 @@ class Locator:
     # -- events ----------------------------------------------------------------------------------
 
     def unit(self, events: Events) -> float:
-        """Return the largest distance of a state to a change of status so far.
+        """Return the largest distance to a change of status so far, the unit of such distances.
 
-        It serves as the unit of such distances. The present distances are not sufficient: all of
-        them may vanish.
+        The present distances are not sufficient: all of them may vanish.
 
         Args:
             events: distances at the present point.
@@ -99,19 +95,16 @@ class Locator:
         return self.largest_distance or 1.0
 
     def is_outside(self, point: BranchPoint) -> bool:
-        """Return True if the status of a contact point is wrong by more than round-off.
-
-        This is the case if a distance to a change of status (`Events.distance`) is negative.
-        """
+        """Return True if a distance to a change of status is negative by more than round-off."""
         events = self.bordered.events(point.y, point.piece)
         return self.bordered.least(events.distance) < -AT_BORDER * self.unit(events)
 
     def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
         """Locate the first change of status between a point and a state; None if this fails.
 
-        The next trial point is the first zero of the linear interpolations of all distances to
-        changes of status (`Events.distance`). A change whose distance is defined only at the far
-        end is located by bisection.
+        The next trial point is the first zero of the linear interpolations of all
+        `Events.distance`. A change whose distance is defined only at the far end is located by
+        bisection.
         """
         b = self.bordered
         piece = point.piece
@@ -202,9 +195,7 @@ class Locator:
         polish: bool = False,
         keep: bool = False,
     ) -> bool:
-        """Correct a trial state at a given distance; return False if this fails.
-
-        The result is also False if the corrected state lies too far from the tangent.
+        """Correct ``y``; return False if this fails or leaves the neighbourhood of the tangent.
 
         Args:
             point: point at the beginning of the bracket.

@@ -2,10 +2,10 @@
 """Parametric pivoting: branches with affine pieces, traced from vertex to vertex by ratio tests.
 
 As long as no status changes, the state is affine in gamma. The smallest ratio of the distance to a
-border and its rate determines the first point that changes its status. Each change of status costs
-an update of the inverse of a dense matrix, whose size is that of the condensed problem. Pivoting
-requires no predictor, no Newton iteration and no step length. If several points change
-simultaneously, the branch continues along a ray of the tangent cone (`cone_rays.py`).
+border and its rate determines the first point that changes its status. A change of status costs the
+inverse of a dense matrix of the size of the condensed problem. Pivoting requires no predictor, no
+Newton iteration and no step length. If several points change simultaneously, the branch continues
+along a ray of the tangent cone (`cone_rays.py`).
 """
 
 from __future__ import annotations
@@ -112,10 +112,6 @@ class Pivoting(Tracer):
 
         The tolerance is relative to the largest variable so far. In a state without load all
         variables vanish; then their change along the ray is used instead.
-
-        Args:
-            w: variables of the points, shape (m, k).
-            ray: ray along which the branch continues.
         """
         change = self.bordered.gamma_scale * largest(ray.direction)
         tolerance = TOLERANCE * max(self.largest_distance, change)
@@ -169,17 +165,10 @@ class Pivoting(Tracer):
             yield point, [vertex]
 
     def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
-        """Return the variables of the points at a distance along a ray.
+        """Return the variables at ``gamma``, at the distance ``length`` along a ray from ``w``.
 
-        They are computed from the affine system with the statuses of the ray, so that round-off
-        does not accumulate over the steps. If this system is nearly singular, the sum along the ray
-        is used, which is more accurate.
-
-        Args:
-            w: variables at the start of the ray, shape (m, k).
-            gamma: parameter at the result.
-            length: distance.
-            ray: ray.
+        They are computed with the statuses of the ray, so that round-off does not accumulate. If
+        the system is nearly singular, the sum along the ray is used, which is more accurate.
         """
         piece = self._piece(ray.codes) if ray.rate != 0 else None
         moved = w + length * ray.direction
@@ -208,16 +197,10 @@ class Pivoting(Tracer):
     def _cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
-        """Continue beyond a vertex, the state at which a segment of the branch ends.
+        """Continue beyond the vertex (w, gamma), at which a segment of the branch ends.
 
         The branch continues along the straightest ray that keeps the direction of gamma; if none
         exists, along the straightest ray.
-
-        Args:
-            w: state at the vertex, shape (m, k).
-            gamma: parameter at the vertex.
-            ray: ray of the segment.
-            length: length of the segment.
 
         Returns:
             Branch point; special point; and next ray, None if the branch ends.
@@ -258,13 +241,6 @@ class Pivoting(Tracer):
         If a single point changes its status and the bordered determinant keeps its sign, no other
         branch meets there, and the only ray is that with the new status. Otherwise the rays of the
         tangent cone are computed.
-
-        Args:
-            w: state at the vertex, shape (m, k).
-            gamma: parameter at the vertex.
-            ray: incoming ray.
-            before: affine system with the statuses of the incoming ray; None if it is singular or
-                gamma is constant on the ray.
         """
         affine = self.condensed.system
         tolerance = TOLERANCE * self.largest_distance
@@ -292,12 +268,6 @@ class Pivoting(Tracer):
 
         On each side the bordered determinant has the sign of the determinant of the affine system
         times the rate of gamma. The result is 0 if a system is singular.
-
-        Args:
-            before: affine system with the statuses of the incoming ray; None if it is singular.
-            ray: incoming ray.
-            after: affine system with the statuses of the outgoing ray; None if it is singular.
-            rate: rate of gamma on the outgoing ray.
         """
         if before is None or after is None:
             return 0

@@ -174,13 +174,9 @@ class RayFinder:
     def of_statuses(
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
-        """Return the rays, at most two, for given statuses of the kinked points.
+        """Return the rays, at most two, for given statuses ``codes`` of the kinked points.
 
-        Args:
-            piece: statuses of all other points.
-            kinks: kinked points.
-            codes: statuses of the kinked points.
-            towards: direction in which the tangent is tried first.
+        The piece gives the other statuses; the tangent is tried along ``towards`` first.
         """
         rank = self._bordered.comm.rank
         own = [c for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
@@ -204,8 +200,7 @@ class RayFinder:
     ) -> Ray | None:
         """Solve H = 0 at a slightly different gamma; return the ray towards the solution.
 
-        The statuses are recomputed. The result is None if no solution or no acceptable ray is
-        found.
+        The statuses are recomputed. The result is None without a solution or an acceptable ray.
 
         Args:
             senses: signs of the changes of gamma that are tried, in this order.
@@ -231,9 +226,8 @@ class RayFinder:
         """Return the statuses for which H has no derivative at the point.
 
         Trying all combinations of statuses may miss rays with these statuses. In 3D, for example,
-        the slip direction of a point without slip and shear is undefined. The test makes two small
-        changes of x, and compares the change of H due to both with the sum of the changes due to
-        each.
+        the slip direction of a point without slip and shear is undefined. The test compares the
+        change of H due to two small changes of x with the sum of the changes due to each.
         """
         b = self._bordered
         points = self._own_points(kinks)
@@ -266,9 +260,7 @@ class RayFinder:
 
 
 class KinkRayFinder(RayFinder):
-    """Search for the rays along which a branch can leave a kink.
-
-    Along a ray its statuses remain correct: distances to changes of status grow.
+    """Search for rays leaving a kink, along which distances to changes of status grow.
 
     Args:
         corrector: corrector on the bordered system.
@@ -278,7 +270,7 @@ class KinkRayFinder(RayFinder):
         idle: whether to accept rays along which the distances of all kinked points remain zero.
 
     Attributes:
-        kinks: kinked points of all ranks, the contact points whose status can change.
+        kinks: points of all ranks whose status can change (kinked points).
     """
 
     def __init__(
@@ -343,9 +335,9 @@ class KinkRayFinder(RayFinder):
         """Find the outgoing rays of a kink, without the reverse of the incoming ray.
 
         For one kinked point the status to which it is about to change is tried first. Other
-        statuses are tried if this fails, or if the sign of the bordered determinant changes, which
-        shows that other branches meet there. For several points the rays of the tangent cone are
-        computed, or all statuses are tried.
+        statuses are tried if this fails, or if the bordered determinant changes its sign, as other
+        branches then meet there. For several points the rays of the tangent cone are computed, or
+        all statuses are tried.
 
         Args:
             t: unit tangent of the incoming branch.
@@ -400,10 +392,10 @@ class KinkRayFinder(RayFinder):
         return bool(b.inner(ray.tangent, away) > _ALONG * b.length(away))
 
     def _stays_inside(self, ray: Ray) -> bool:
-        """Return True if no status of a kinked point becomes wrong along a ray.
+        """Return True if a ray does not leave the piece at a kinked point.
 
         The distances of the kinked points to changes of status must not decrease; unless idle rays
-        are accepted, at least one of them must grow.
+        are accepted, at least one must grow.
         """
         b = self._bordered
         events, slope = b.events_along(self._y, ray.piece, ray.tangent)
@@ -422,16 +414,9 @@ class KinkRayFinder(RayFinder):
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
     """Return the sign of the ratio of bordered determinants across a kink. Collective.
 
-    The determinant is that of [grad H; t^T], the Jacobian of H with a tangent t as last row. It is
-    evaluated after the kink with the outgoing ray, and before the kink with the incoming tangent. A
-    negative result shows that other branches meet there.
-
-    Args:
-        corrector: corrector on the bordered system.
-        y: kink (x, gamma).
-        piece: statuses with which the branch arrives.
-        t: incoming unit tangent.
-        ray: outgoing ray.
+    The determinant of [grad H; t^T] is evaluated after the kink with the tangent of ``ray``, and
+    before it with the incoming unit tangent ``t``. A negative result shows that other branches meet
+    there.
     """
     b = corrector.bordered
     signs = []

@@ -96,8 +96,7 @@ class Solutions:
         found: solutions at gamma; those passed as ``known`` come first.
         complete: True if it is proved that there are no other solutions.
         method: description of the search.
-        continua: sets of infinitely many solutions found by enumeration; their ends are also in
-            `found`.
+        continua: sets of infinitely many solutions (by enumeration); `found` contains their ends.
         proof: proof provided by the system; None without a proof, as after an enumeration. In 3D
             the forces in its states are scaled; the tables of the solutions contain the unscaled
             forces.
@@ -216,10 +215,7 @@ def find_solutions(
 
 
 def _validated(system: System, solutions: Solutions) -> Solutions:
-    """Remove the proof of completeness if the model is not valid for one of the solutions.
-
-    Collective.
-    """
+    """Remove the proof if the model is not valid for one of the solutions. Collective."""
     if not solutions.complete and solutions.proof is None:
         return solutions
     with system.restored(always=True):
@@ -306,10 +302,7 @@ def _coincide(condensed: Condensed, a: Solution, b: Solution) -> bool:
 
 
 class _Deflated:
-    """Newton's method repelled by known solutions (deflation), at fixed gamma.
-
-    It is applied to m(x) H(x) with the factor m of the module. All methods are collective.
-    """
+    """Newton's method repelled by known solutions (deflation), at fixed gamma. Collective."""
 
     def __init__(self, system: System, gamma: float, max_iterations: int, tolerance: float):
         self.system = system
@@ -337,14 +330,7 @@ class _Deflated:
         proved: Solutions | None,
         lengths: Sequence[float],
     ) -> tuple[list[PETSc.Vec], str]:
-        """Return all solutions found, and a description of the search.
-
-        Args:
-            guesses: initial states.
-            known: known solutions; they come first in the result.
-            proved: solutions found with a proof; None without a proof.
-            lengths: see `find_solutions`.
-        """
+        """Return all solutions, starting with the known ones, and a description of the search."""
         self._size = max(guess.norm() for guess in guesses)
         solutions = [x.copy() for x in known]
         for s in () if proved is None else proved.found:
@@ -369,15 +355,7 @@ class _Deflated:
     def _first(
         self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
     ) -> tuple[PETSc.Vec | None, str]:
-        """Return a new solution computed by the solver of the system, and a description.
-
-        Args:
-            guesses: initial states, tried until the solver succeeds.
-            known: known solutions.
-
-        Returns:
-            Solution, None if it is known or the solver fails; description of the attempts.
-        """
+        """Return a new solution computed by the system's solver, or None, and a description."""
         tried = ""
         for guess in guesses:
             x, how = self.system.solution_from(guess, self.gamma)
@@ -397,11 +375,7 @@ class _Deflated:
                 yield self.bordered.moved(x, part, x - guess)
 
     def _pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
-        """Return choices of statuses for the first step of Newton's method.
-
-        The first is None, for statuses determined by the state. In each of the others, all points
-        that can have a certain status have this status.
-        """
+        """Return choices of statuses for the first step: None (from the state) and uniform ones."""
         own = self.system.piece_at(guess, self.gamma)
         free = [int(p) for p in np.unique(self.system.events(guess, self.gamma, own).point)]
         statuses = {p: {int(s) for s in self.system.statuses(p)} for p in free}
@@ -419,8 +393,7 @@ class _Deflated:
 
         Args:
             guess: initial state.
-            piece: fixed statuses of all points in the first step, which is not deflated; None to
-                determine them from the state.
+            piece: fixed statuses in the first step, which is not deflated; None: from the state.
             known: known solutions, which are deflated.
             length: distance at which the deflated solutions repel the iteration, relative to their
                 distance from the guess.
@@ -454,16 +427,10 @@ class _Deflated:
     def _factor(
         self, x: PETSc.Vec, dx: PETSc.Vec, known: Sequence[PETSc.Vec], squares: Sequence[float]
     ) -> float:
-        """Return the factor by which deflation multiplies the Newton step of H.
+        """Return the factor 1 / (1 - grad log m . dx) by which the Newton step dx is multiplied.
 
-        It is 1 / (1 - grad log m . dx) with the factor m(x) of the module, limited to 1000 in
-        magnitude.
-
-        Args:
-            x: iterate.
-            dx: Newton step.
-            known: known solutions, which repel the iteration.
-            squares: squared distance within which each of them does so.
+        Its magnitude is limited to 1000. The deflation factor m(x) is defined in the module;
+        ``squares`` are the squared distances within which the known solutions repel the iteration.
         """
         slope = 0.0
         for other, square in zip(known, squares, strict=True):

@@ -32,9 +32,7 @@ def sign_of(direction: Direction) -> float:
 
 @dataclass(frozen=True)
 class StepControl:
-    """Parameters of the steps along a branch.
-
-    Lengths are measured in units in which the first tangent and the range of gamma have length 1.
+    """Control of steps; the first tangent and the range of gamma have length 1.
 
     Attributes:
         initial: length of the first step.
@@ -48,11 +46,11 @@ class StepControl:
         corrections: largest number of corrections of a step.
         tolerance: largest relative residual of an accepted point.
         kinks: method of passing kinks. ``"exact"``: every event is located, and a step ends there.
-            ``"batched"``: a step may pass many events at which gamma does not turn back and no
-            other branch meets; other events are located. Two turns within one step are not
-            detected; use shorter steps. ``"stepping"``: the step shrinks to its minimum before a
-            kink, and the tangents beyond the kink are then tried. None: batched if the system has
-            many combinations of statuses (`System.has_many_pieces`), otherwise exact.
+            ``"batched"``: a step may pass many events at which gamma does not turn and no other
+            branch meets; other events are located. Two turns within one step are not detected; use
+            shorter steps. ``"stepping"``: the step shrinks to its minimum before a kink, and the
+            tangents beyond are then tried. None: batched if there are many combinations of statuses
+            (`System.has_many_pieces`), otherwise exact.
     """
 
     initial: float = 0.02

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Predictor-corrector steps along a branch, with three policies for kinks (`StepControl.kinks`).
 
-A step predicts a point along the tangent and corrects it; a failed step is shortened, down to the
-length h_min = `StepControl.minimum`. The policies differ in the equation of the corrector and in
-the treatment of kinks:
+A step predicts along the tangent and corrects; a failed step is shortened. The policies differ in
+the equation of the corrector and in the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If the distance to a border of the piece
   has become negative, the first such event is located to round-off, and the branch continues on the
@@ -84,8 +83,7 @@ class _Trial:
         changes: changes of status in order, each with the fraction of the step at which it occurs.
             Distances to changes of status are assumed to be linear.
         monotone: True if gamma does not turn back within the step and the parity is positive.
-        parity: sign of the ratio of the bordered determinants at the end and the start; 0 if
-            unknown.
+        parity: sign of the ratio of bordered determinants at end and start; 0 if unknown.
     """
 
     new: BranchPoint | None
@@ -95,9 +93,7 @@ class _Trial:
 
 
 class ExactSteps(Locator):
-    """Predictor-corrector steps that end at every change of status.
-
-    It is the base class of the other policies.
+    """Steps ending at every change of status; base class of the other policies.
 
     Args:
         corrector: corrector on the bordered system.
@@ -145,12 +141,9 @@ class ExactSteps(Locator):
     # -- one step --------------------------------------------------------------------------------
 
     def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> Corrected | None:
-        """Return the state after a step of length ``h``; None if the corrector fails.
+        """Return the state after a step of length ``h``; None if it fails.
 
-        Args:
-        point: start of the step.
-        h: length of the step.
-        piece: fixed statuses of all points; None to determine them from the state.
+        On a piece the statuses are fixed; otherwise they follow from the state.
         """
         y = self.bordered.moved(point.y, h, point.tangent)
         scales = self.corrector.moore_penrose(y, point.tangent.copy(), piece)
@@ -239,12 +232,8 @@ class ExactSteps(Locator):
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
         """Return True if a point that has just changed its status changes it again in a step.
 
-        This is the case if the distance to a change of status is 0 at the start, grows along the
-        tangent, and is negative at the end.
-
-        Args:
-            point: start of the step.
-            y_high: end of the step.
+        Its distance to a change is then 0 at the start, grows along the tangent, and is negative at
+        the end ``y_high``.
         """
         b = self.bordered
         low, rate = b.events_along(point.y, point.piece, point.tangent)
@@ -346,16 +335,7 @@ class ExactSteps(Locator):
     # -- changes that are not located ------------------------------------------------------------
 
     def _changes(self, point: BranchPoint, y: PETSc.Vec, piece: Piece) -> Changes:
-        """Return the changes of status between a point and a state, in order.
-
-        Args:
-        point: point of the branch.
-        y: state (x, gamma).
-        piece: statuses at this state.
-
-        Returns:
-        Changes, each with the fraction of the way at which it occurs.
-        """
+        """Return the changes of status up to ``y``, each with its fraction of the way, in order."""
         b = self.bordered
         old = point.piece
         low, high = (b.events(state, old) for state in (point.y, y))
@@ -407,9 +387,9 @@ class _StepsOnH(ExactSteps):
         return self._shortened(point, trial, h)
 
     def _first_located(self, trial: _Trial) -> float:
-        """Return the position of the first change of status that must be located.
+        """Return the fraction of the step at which the first change to be located occurs.
 
-        It is a fraction of the step; inf if no change must be located.
+        It is inf if there is none.
         """
         return np.inf
 
@@ -444,20 +424,14 @@ class _StepsOnH(ExactSteps):
         return _Trial(new, changes, not turned and parity > 0, parity)
 
     def _orientation(self, point: BranchPoint) -> float:
-        """Return the sign of det [grad H; t^T] at a point; 0 if the matrix is singular.
-
-        This is the Jacobian of H with the unit tangent t as last row.
-        """
+        """Return the sign of the bordered determinant at a point; 0 if the matrix is singular."""
         if self._oriented is None or self._oriented[0] is not point.y:
             t = self.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
             self._oriented = (point.y, 0.0 if t is None else self.bordered.orientation(t))
         return self._oriented[1]
 
     def _keep_orientation(self, point: BranchPoint, new: BranchPoint) -> None:
-        """Use the sign of the bordered determinant at ``point`` also for the next point ``new``.
-
-        The sign is the same, because no bifurcation lies in between.
-        """
+        """Reuse the sign of the determinant at ``new``, as no bifurcation lies in between."""
         if self._oriented is not None and self._oriented[0] is point.y:
             self._oriented = (new.y, self._oriented[1])
 
@@ -499,7 +473,7 @@ class BatchedSteps(_StepsOnH):
         return crossed
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
-        """Return the length of the next attempt, which ends before the first change to be located.
+        """Return the length of a step that ends before the first change to be located.
 
         If only a few changes of status remain, the next attempt crosses them one by one.
         """
@@ -546,13 +520,7 @@ class SteppingSteps(_StepsOnH):
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
-        """Return the point of the branch at the distance ``h`` along ``t``; None if there is none.
-
-        Args:
-            point: point before a kink.
-            t: unit tangent.
-            h: distance.
-        """
+        """Return the branch point at the distance ``h`` along ``t``; None if there is none."""
         b = self.bordered
         start = replace(point, tangent=t)
         corrected = self.corrected_step(start, h, None)
@@ -565,13 +533,7 @@ class SteppingSteps(_StepsOnH):
         return self.new_point(start, h, corrected, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
-        """Return the kink between two points of the branch as a special point.
-
-        Args:
-            point: point before the kink.
-            new: point after the kink.
-            h_1: largest distance of the kink from ``point``.
-        """
+        """Return the kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
         parity = int(self._orientation(point) * self._orientation(new))
         changes = tuple(change for _, change in self._changes(point, new.y, new.piece))
         reach = abs(h_1 * self.bordered.gamma(point.tangent))

@@ -2,9 +2,9 @@
 """Interface of piecewise smooth systems H(x, gamma) = 0 for continuation.
 
 Each point has a status, a small integer such as the code of stick or slip. A piece is H with fixed
-statuses of all points; as a function it is smooth everywhere. It coincides with H in the set of
-states that have these statuses. The events of a piece are the distances to the borders of this set:
-positive inside, zero where a point is about to change its status.
+statuses of all points: a function that is smooth everywhere, and equal to H on the set of states
+with these statuses. The events of a piece are the distances to the borders of this set: positive
+inside, zero where a status is about to change.
 """
 
 from __future__ import annotations
@@ -60,8 +60,7 @@ class Events:
     """Distances of a state to the borders of a piece, where statuses change, on this rank.
 
     Attributes:
-        distance: distances to the n borders, positive inside the piece, all in one unit, shape
-            (n,).
+        distance: distances to n borders, positive inside, all in one unit, shape (n,).
         point: local number of the point that changes its status at each border, shape (n,).
         target: status of this point beyond the border, shape (n,).
     """
@@ -99,9 +98,7 @@ def matched_distances(here: Events, there: Events, missing: Array | None = None)
 def fractions_to_borders(
     low: Events, high: Events, weights: tuple[float, float] = (1.0, 1.0)
 ) -> Array:
-    """Return where the borders of a piece are reached between two states. Not collective.
-
-    The distances to the borders are assumed to be linear along the segment.
+    """Interpolate where the borders of a piece lie between two states. Not collective.
 
     Args:
         low: events of the piece at a state inside it, the start of the segment.
@@ -109,9 +106,8 @@ def fractions_to_borders(
         weights: factors of the distances at the two states.
 
     Returns:
-        Fraction of the segment at which each border of ``high`` is reached, shape (n,): inf where
-        the second state is inside, 1/2 where it is outside and the border does not exist at the
-        first state.
+        Fraction of the segment at each border of ``high``, shape (n,): inf where the second state
+        is inside, 1/2 where it is outside and the border does not exist at the first state.
     """
     distance = weights[1] * high.distance
     outside = distance < 0
@@ -188,10 +184,7 @@ class System:
         raise NotImplementedError
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Write the product M x of the metric M with ``x`` into ``out``.
-
-        The matrix M is symmetric and semi-definite; it defines lengths of x.
-        """
+        """Write M x into ``out``; the symmetric semi-definite matrix M defines lengths of x."""
         raise NotImplementedError
 
     def probe(self, seed: int) -> PETSc.Vec:
@@ -305,8 +298,7 @@ class System:
         Args:
             condensed: condensation onto the points, at the state from which the rays lead.
             cone: tangent cone at this state.
-            known: rays that have been computed: statuses of the m points, shape (m,), and rate of
-                gamma, 1, -1 or 0.
+            known: computed rays: statuses of the points, shape (m,), and rate 1, -1 or 0 of gamma.
         """
         return None
 
@@ -360,9 +352,7 @@ class System:
         """Raise `ValueError` if the data are not valid at one of the values ``gammas``."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Return a context that restores the user's data after an error.
-
-        The default does nothing.
+        """Return a context restoring the user's data after an error; the default does nothing.
 
         Args:
             always: whether to restore the data on every exit; default: only after an error.
@@ -384,18 +374,10 @@ class Preconditioner(Protocol):
         """
 
     def determinant_sign(self) -> float:
-        """Return the sign of the determinant of P up to a constant factor. Collective.
-
-        P is the matrix of which `apply` is the inverse.
-        """
+        """Return the sign of det P up to a constant; `apply` is the inverse of P. Collective."""
 
     def age(self, iterations: int, digits: float) -> None:
-        """Record the cost and the success of a linear solve. Collective.
-
-        Args:
-            iterations: number of Krylov iterations.
-            digits: decimal digits by which the residual was reduced.
-        """
+        """Record the iterations of a solve and the decimal digits of its reduction. Collective."""
 
 
 class Condensed(Protocol):
@@ -476,7 +458,4 @@ class RayProof(ProvedSearch, Protocol):
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:
-        """Rays whose existence is proved.
-
-        Each ray consists of the statuses of the points, shape (m,), and the rate of gamma, 1 or -1.
-        """
+        """Rays proved to exist: statuses of the points, shape (m,), and rate of gamma, 1 or -1."""

@@ -167,10 +167,7 @@ class Tracer(ABC):
 
     @abstractmethod
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
-        """Return the solution near (x, gamma), with its tangent.
-
-        Along the tangent, gamma changes with the given sign.
-        """
+        """Return the solution near (x, gamma), with a tangent whose gamma has the given sign."""
 
     @abstractmethod
     def _leads_out(self, point: BranchPoint) -> bool:
@@ -182,11 +179,7 @@ class Tracer(ABC):
 
     @abstractmethod
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """Return a point from which to trace a ray that a branch has not taken.
-
-        Args:
-            special: special point from which the ray leads.
-            ray: ray to be traced.
+        """Return a point from which to trace a ray of a special point that no branch has taken.
 
         Raises:
             ValueError: if no solution is found there.
