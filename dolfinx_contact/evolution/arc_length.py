@@ -186,16 +186,16 @@ class ArcLength(Runnable[PathTask, PathHistory]):
                 run if the problem has had another evolution.
             direction: direction in which the path leaves its start: in the first run
                 ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
-                (default) or ``"back"``. On the way back the body unloads, while slip and damage
-                remain.
+                (default) or ``"back"``, in which the state unloads without recovery of slip and
+                damage.
             control: lengths of steps, in units in which the first tangent and the range of gamma
                 have length 1; default: up to 0.005. Longer steps may miss a fold at which many
                 bonds break.
             max_steps: largest number of accepted points.
-            rays: whether all solutions of the rate problem, the directions in which the path can
-                continue, are computed and counted in `PathStep.directions`. True: at every kink and
-                nonsmooth fold, by trying all combinations of the statuses that meet there, up to
-                256. False or None (default): only if no direction is found otherwise.
+            rays: whether all solutions of the rate problem (outgoing directions) are computed and
+                counted in `PathStep.directions`. True: at every kink and nonsmooth fold, from all
+                combinations of statuses there, up to 256. False or None (default): only if no
+                direction is found otherwise.
             stop: function that returns a reason to end the run, see `QuasiStatic.run`.
             observer: function or observer called with each accepted point, see `QuasiStatic.run`.
             record: record of the accepted points, such as `records.PathRecord`.
@@ -283,10 +283,7 @@ class PathStepper(Stepper):
         return replace(accepted, statuses=given.statuses)
 
     def use_memory(self, steps: ArcSteps, memory: Sequence[Memory | None]) -> None:
-        """Set the memory of an accepted state in the system and in the solver of the steps.
-
-        Collective.
-        """
+        """Set the memory of an accepted state in the system and in the steps. Collective."""
         self.system = self.system.with_memory(memory)
         steps.bordered.system = self.system
 
@@ -301,8 +298,7 @@ class PathStepper(Stepper):
         """Step along a path and write the end of the step into the Functions. Collective.
 
         Args:
-            steps: solver of steps of given arc length; afterwards it uses the memory at the end of
-                the step.
+            steps: solver of steps of given arc length; afterwards it has the memory of the end.
             leaves: accepted state as a branch point, with the statuses and the tangent of the step.
             before: accepted state at the start.
             h: largest arc length of the step.
@@ -535,10 +531,7 @@ class ByArcLength(Rule[PathTask]):
         return event, number, method
 
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
-        """Leave a point along the first of its outgoing directions. Collective.
-
-        The path ends if there is none.
-        """
+        """Continue along the first outgoing direction; end the path without one. Collective."""
         self._leaves = None
         if directions.rays:
             self._leaves = self._steps.leave(point, directions.rays[0])

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Steps of given arc length with fixed statuses and the memory of their start.
 
-H(x, gamma; m) = 0 are the equations of the contact problem for the unknowns x, the load gamma and
-the memory m. A piece of H is H with fixed statuses of all points.
-
-A step begins at an accepted state y_n = (x_n, gamma_n), in the piece (statuses of all points) and
-along the tangent t_n that solve its rate problem (`rate_problem`). It solves
+A step begins at an accepted state y_n = (x_n, gamma_n), in the piece of H (H with fixed statuses of
+all points) and along the tangent t_n that solve its rate problem (`rate_problem`). With unknowns x,
+load gamma and memory m it solves
 
     H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
 
 and ends at the first of the following: arc length h, border of the piece (a change of status),
-turning point of gamma, end of the range of gamma. All are located to round-off. The memory m_n of
-the start is used, so that a breaking bond continues to break and a slipping point continues to
-slip.
+turning point of gamma, end of the range of gamma. All are located to round-off. The memory m_n
+belongs to the start: breaking bonds continue to break, and slipping points to slip.
 
 A step is too long and is shortened if
 
@@ -92,12 +89,7 @@ class ArcSteps(ExactSteps):
             self.test.signs[:] = known["signs"]
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
-        """Return the rate problem, whose solutions are the directions out of a state. Collective.
-
-        Args:
-            y: state (x, gamma).
-            piece: statuses of the last step.
-        """
+        """Return the rate problem at y = (x, gamma) after a step on ``piece``. Collective."""
         unit = self.unit(self.bordered.events(y, piece))
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
@@ -139,8 +131,8 @@ class ArcSteps(ExactSteps):
     ) -> Arrival | None:
         """Take a step of arc length h, or a shorter one up to a change of status. Collective.
 
-        The step also ends where gamma turns back or its range ends. Return None if h is too long;
-        the module lists the criteria.
+        The step also ends where gamma turns back or its range ends. None if h is too long (see the
+        module).
 
         Args:
             point: start of the step, with the statuses and the tangent of the step.
@@ -179,10 +171,7 @@ class ArcSteps(ExactSteps):
         return new, special, next_h, end is not None
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
-        """Predict and correct a point at arc length ``h``, with the statuses of the start.
-
-        Return None if the corrector fails.
-        """
+        """Return the point at arc length ``h`` on the piece; None if the corrector fails."""
         corrected = self.corrected_step(point, h, point.piece)
         new = None
         if corrected is not None:
@@ -220,13 +209,7 @@ class ArcSteps(ExactSteps):
         return b.anywhere(dips)
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
-        """Return the point within a step at which gamma reaches an end of its range.
-
-        Args:
-            point: start of the step.
-            new: end of the step.
-            gamma: end of the range.
-        """
+        """Return the point of a step at which ``gamma``, an end of its range, is reached."""
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)

@@ -33,10 +33,10 @@ class Constancy:
         self._values = [d.values.copy() for d in self._data]
 
     def changed(self) -> str:
-        """Return a description of the first datum that has changed; "" if none has. Collective.
+        """Return a description of a datum that has changed; "" if none has. Collective.
 
-        A datum has changed if it differs by more than 1e-9 of its largest value. For a Constant the
-        description contains both values.
+        Changes up to 1e-9 of the largest value are ignored. For a Constant both values are
+        appended.
         """
         if not self._data:
             return ""

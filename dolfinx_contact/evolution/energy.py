@@ -26,12 +26,11 @@ with follower loads, the remainder counts as stored energy. If a problem is give
 stored energy is integrated from the forces by the trapezoidal rule, which is exact for a linear
 body.
 
-**In motion.** Consider a step of length h from state 0 to state 1, with the mass matrix M, the
-damping matrix C, and the weight theta of the forces at the end of the step. Let v = (v_0 + v_1)/2
-be the mean velocity, B the operator from velocities to relative velocities at the contact points, f
-the loads, S the mean forces of supports, t the mean contact tractions over areas W, t' the
-tractions without adhesion, and v_o the velocity of the obstacle. Stored energy and damage are as
-above, and
+**In motion.** Consider a step of length h from state 0 to state 1, with mass M, damping C, and the
+weight theta of the forces at the end. Let v = (v_0 + v_1)/2 be the mean velocity, B the operator of
+relative velocities at the contact points, f the loads, S the mean forces of supports, t the mean
+contact tractions over areas W, t' the tractions without adhesion, and v_o the velocity of the
+obstacle. Stored energy and damage are as above, and
 
     kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
     external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o
@@ -169,8 +168,7 @@ class SurfaceForces:
         un: gaps, shape (n,).
         n: unit normals, shape (n, dim).
         jump: total jumps of the displacement, shape (n, dim).
-        springs: normal forces of a compliant surface without the contribution of adhesion, shape
-            (n,); 0 if the surface is not compliant.
+        springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
         bonds: energies stored in bonds, shape (n,).
         spent: energies dissipated by bonds in the step, shape (n,).
         at_rest: True if the work of the obstacle is not computed, as for sliding pairs of bodies
@@ -189,10 +187,7 @@ class SurfaceForces:
     obstacle: Array
 
     def stored_since(self, before: SurfaceForces) -> float:
-        """Return the energy stored in bonds and compliant surfaces since an earlier state.
-
-        Only the points of this rank are included.
-        """
+        """Return the increase of the energy of bonds and compliant surfaces on this rank."""
         bonds = float(np.sum(self.bonds - before.bonds))
         return bonds - float(np.dot((before.springs + self.springs) / 2, self.un - before.un))
 
@@ -254,13 +249,7 @@ class Motion:
 
 
 def forces_at(eq: ContactEquations, evaluation: Evaluation) -> Forces:
-    """Return all forces that enter the energy balance at a state. Collective.
-
-    Args:
-        eq: equations of the contact problem.
-        evaluation: evaluation of the equations at the state, with the reactions of Dirichlet data
-            and the forces on rigid bodies.
-    """
+    """Return the forces of the energy balance at a state with known reactions. Collective."""
     assert evaluation.reactions is not None
     assert evaluation.pushes is not None
     n = eq.owned_sizes[0]

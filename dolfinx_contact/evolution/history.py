@@ -146,8 +146,7 @@ def _of_supports(
         reactions: reaction of each Dirichlet condition, shape (conditions, dim).
         displacements: mean displacement of each condition, NaN in free components, shape
             (conditions, dim).
-        motions: for each rigid body its name, the names of its components of motion, and their
-            values.
+        motions: name, names of the components, and motion of each rigid body.
     """
     columns = {}
     for sign, values in (("", reactions), ("u", displacements)):
@@ -277,19 +276,18 @@ class History(Ends):
 class PathStep(EvolutionStep):
     """Accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
-    If all combinations of the statuses that meet at the point were tried, which `method` states,
-    `directions` is the number of directions in which the path can continue. The direction leading
-    back is not counted. If a smooth bifurcation lies on the step, `directions` counts the path and
-    both directions of the other branch.
+    If all combinations of the statuses at the point were tried, which `method` states, `directions`
+    is the number of directions in which the path can continue, without the one leading back. If a
+    smooth bifurcation lies on the step, `directions` counts the path and both directions of the
+    other branch.
 
     Attributes:
         gamma: load parameter.
         event: ``"smooth fold"`` if the load turns back without changes of status, ``"nonsmooth
             fold"`` if it turns back because statuses change, ``"kink"`` if statuses change and the
             load continues; otherwise "".
-        before: letters of the statuses on the step to the point, in the order of `status`,
-            including the statuses of bonds.
-        after: letters of the statuses on the next step, likewise.
+        before: letters of the statuses on the step to the point, as in `status`, bonds included.
+        after: letters of the statuses on the next step.
         method: method by which the direction of the next step was found.
         corrections: number of Newton steps of the corrector.
     """

@@ -15,12 +15,11 @@ with the step. `find_jump` bisects a step to find a jump.
 
 A change that does not shrink does not prove a jump, because the solver may have missed a solution.
 Therefore the branch of solutions H(x, gamma; m_n) = 0 from the start of the step (gamma = 0,
-`rate_problem`) is finally followed from kink to kink; gamma grows from 0 to 1 with the load of the
-step. If it reaches gamma = 1, a solution continues the evolution. If gamma turns back at a smooth
-fold, or at a kink of which all pieces were tried, on this branch and on all branches that leave it
-towards larger gamma, no solution continues the evolution. Otherwise nothing is proved, and the
-reason is reported. A step that was not solved proves nothing either; shorter steps are tried from
-the same state.
+`rate_problem`) is finally followed from kink to kink. If it reaches gamma = 1, the end of the step,
+a solution continues the evolution. If gamma turns back at a smooth fold, or at a kink of which all
+pieces were tried, on this branch and on all branches that leave it towards larger gamma, no
+solution continues the evolution. Otherwise nothing is proved, and the reason is reported. A step
+that was not solved proves nothing either; shorter steps are tried from the same state.
 """
 
 from __future__ import annotations
@@ -79,11 +78,9 @@ class StateChanges:
     """Changes from one state to another, as defined in the module.
 
     Attributes:
-        parts: largest displacement of a node, and norm of the change of all unknowns (indices
-            `MOVED` and `UNKNOWNS`). Between states of equilibrium they are followed by the mean
-            change of the jump at the points of each of the n surfaces, and by the mean change of
-            the softening variable of its bonds; shape (2 + 2 n,).
-        largest: largest change of the jump at a point of each of the n surfaces, shape (n,).
+        parts: changes "moved" and "unknowns" (indices `MOVED` and `UNKNOWNS`); between states of
+            equilibrium also "means" and then "bonds" of the n surfaces; shape (2 + 2 n,).
+        largest: largest change of the jump at a point of each surface, shape (n,).
         broken: largest weakening of a bond of each surface, relative to the remaining strength of
             its strongest bond; 0 if this strength is unknown; shape (n,).
     """
@@ -98,11 +95,7 @@ class StateChanges:
         return float(self.parts[UNKNOWNS])
 
     def rates(self, duration: float) -> Array:
-        """Return the rates of `parts`, followed by those of `largest`, shape (2 + 3 n,).
-
-        Args:
-            duration: time between the two states.
-        """
+        """Return `parts`, then `largest`, divided by the duration, shape (2 + 3 n,)."""
         return np.asarray(np.concatenate([self.parts, self.largest]) / duration)
 
 
@@ -129,12 +122,7 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array, Array]:
-    """Return the changes at the points of a surface on this rank, without clamped points.
-
-    Args:
-        a: first state.
-        b: second state.
-        k: index of the surface.
+    """Return the changes at the points of surface ``k`` on this rank, without clamped points.
 
     Returns:
         Changes of the jump of the displacement, lengths; changes of the softening variable of
@@ -214,8 +202,8 @@ def find_jump(
     Halves of the step are examined recursively, the earlier half first. A part of the step contains
     no jump if the state changes slowly in it, by a small fraction of the change in the step, along
     a straight line, or evenly (equally in both halves, and in the quarters if they are long
-    enough). If a part of the shortest length remains, the solutions within it are followed from its
-    start to decide whether the state jumps.
+    enough). If a part of the shortest length remains, the solutions within it are followed to
+    decide whether the state jumps.
 
     Args:
         stepper: stepper of the problem; the state of the Functions is undefined afterwards.
@@ -301,13 +289,7 @@ class _Search:
     def _unsolved(
         self, path: Sequence[AcceptedState], end: AcceptedState, failure: ConvergenceError
     ) -> Found | None:
-        """Return the result of the search if a step to half of a part was not solved. Collective.
-
-        Args:
-            path: accepted states up to the start of the part.
-            end: state at the end of the part.
-            failure: error of the step.
-        """
+        """Return the result of the search if a step to half of a part failed. Collective."""
         if self._leads_to_end(path[-1], end):
             return None
         return Found(path[1:], end, failure=failure)
@@ -339,10 +321,7 @@ class _Search:
         return branch.unknowns is not None and self._is_at(branch.unknowns, start, end)
 
     def _is_at(self, unknowns: Array, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether a vector of unknowns agrees with the end of a step.
-
-        The tolerance is relative to the change from ``start`` to ``end``.
-        """
+        """Return whether unknowns agree with ``end``, relative to the change from ``start``."""
         off = unknowns - end.unknowns
         way = end.unknowns - start.unknowns
         squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
@@ -363,10 +342,7 @@ class _Search:
         return self._stepper.keeps(self._data, start.time, end.time)
 
     def _first(self, before: AcceptedState, time: float) -> AcceptedState | ConvergenceError:
-        """Step towards a time, with shorter lengths until a step is solved.
-
-        Return the end of this step, or the last error if no step is solved.
-        """
+        """Take the longest step towards a time that is solved; return the last error if none is."""
         likely = before.statuses, self._end.statuses
         while True:
             try:
@@ -383,10 +359,6 @@ class _Search:
 
         It does not jump if they lead to the end of this step. If they lead to the end of the
         searched step, or to another state at the end of this step, the evolution continues there.
-
-        Args:
-            path: accepted states up to the start of the shortest step.
-            end: state at its end.
         """
         start = path[-1]
         size = self._change(start, end)
@@ -432,9 +404,7 @@ class StepBranch:
 
 
 def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
-    """Follow the solutions while the load changes from the start to the end of a step.
-
-    Collective.
+    """Follow the solutions from the start to the end of a step. Collective.
 
     Args:
         stepper: stepper of the problem.
@@ -450,15 +420,7 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
 
 
 def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
-    """Follow all branches of solutions from the start of a step. Collective.
-
-    Where the load turns back or branches meet, the rays along which the load grows are followed.
-
-    Args:
-        follower: object that traces the branches.
-        system: equations of the step, with the load as parameter gamma from 0 to 1.
-        x: unknowns at the start.
-    """
+    """Follow the solutions of a step, along all rays with growing load. Collective."""
     departures = follower.departures(x, 0.0)
     starts = _with_growing_load(follower, x, departures)
     why = f"the load turns back at the start, by {departures.method}"
@@ -500,9 +462,8 @@ def _with_growing_load(
     """Return the rays to be followed from the start of a step. Collective.
 
     These are the rays along which the load gamma grows or, if none exist, those with constant
-    gamma. The ray that is closest to the tangent at the start is the last. If no ray was found, but
-    rays may be missing, the start itself is returned, from which the first step searches for a
-    direction.
+    gamma. The ray closest to the tangent at the start is the last. If no ray was found, but rays
+    may be missing, the start itself is returned; the first step searches for a direction there.
     """
     chosen = follower.rays_with_gamma(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Mass and damping matrices of a body in motion.
 
-The mass matrix M, consistent, lumped or redistributed, is that of the density. The damping matrix C
-is one of
+The mass matrix of the density is consistent, lumped or redistributed. The damping matrix is
 
     C = d(damping form)/d(velocity)                   for a damping form affine in the velocity
     C = a M_consistent + b K(0)                       for Rayleigh damping with the factors (a, b)
 
-with the stiffness matrix K(0) of the undeformed body. The matrices are assembled when a run starts.
-The value of a damping form at zero velocity, such as the wind w in c (v - w), is added to the
-loads.
+with the stiffness K(0) of the undeformed body. The matrices are assembled when a run starts. The
+value of a damping form at zero velocity, such as the wind w in c (v - w), is added to the loads.
 """
 
 from __future__ import annotations
@@ -108,13 +106,7 @@ class Matrices:
             self._assembled = Constancy(self._problem.comm, self._fixed)
 
     def require_constant(self, time: float) -> None:
-        """Raise `ValueError` if density or damping has changed since the matrices were assembled.
-
-        They change if the load sets Functions or Constants that occur in them. Collective.
-
-        Args:
-            time: time at which the load was set, for the message.
-        """
+        """Raise `ValueError` if the load at a time has changed density or damping. Collective."""
         changed = self._assembled.changed()
         if changed:
             raise ValueError(

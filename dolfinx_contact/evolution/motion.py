@@ -129,10 +129,7 @@ class Method:
 
     @property
     def penetrates(self) -> bool:
-        """Whether points may come to rest inside the obstacle.
-
-        The depth is at most the motion of the point in one step.
-        """
+        """Whether points may come to rest inside the obstacle, as deep as they move in one step."""
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 
@@ -173,11 +170,7 @@ class MotionStepper(Stepper):
     def _taken(
         self, accepted: AcceptedState, time: float, trial: Trial, guess: AcceptedState | None
     ) -> AcceptedState:
-        """Solve a step. Collective.
-
-        The initial guess is the motion without contact forces; ``guess`` and ``trial`` are not
-        used.
-        """
+        """Solve a step, with the motion without contact forces as initial guess. Collective."""
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = problem.equations
@@ -190,10 +183,7 @@ class MotionStepper(Stepper):
         at_end: Evaluation | None = None
 
         def end_of_step(solution: Evaluation) -> tuple[ContactEquations, Evaluation]:
-            """Write displacement and velocity at the end of the step into the Functions.
-
-            Return the equations of the step, and the contact evaluated there.
-            """
+            """Write the end of the step into the Functions, and evaluate contact there."""
             nonlocal at_end
             u = step.displacement(solution.u, body.origin)
             problem.u.x.array[:] = u
@@ -302,10 +292,9 @@ class MotionStepper(Stepper):
     ) -> Array:
         """Return initial gaps that turn the law for the gap into Moreau's law for velocities.
 
-        With them the gap of the step has the sign of un'_1 + e un'_0, where un'_0 and un'_1 are the
-        gap rates at the start and the end of the step and e is the coefficient of restitution. At
-        points that are not forecast to close (see the module), the gap is large, so that the
-        contact force vanishes.
+        The gap of the step then has the sign of un'_1 + e un'_0, with the gap rates un' at both
+        ends of the step and the coefficient of restitution e. At points that are not forecast to
+        close, it is large, so that the contact force vanishes.
 
         Args:
             eq: equations of the step.
@@ -360,10 +349,7 @@ class MotionStepper(Stepper):
             )
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Evaluate contact in the state of the Functions, without the equation of motion.
-
-        Collective.
-        """
+        """Evaluate contact in the Functions, without the equation of motion. Collective."""
         law.equations.read_data()
         x = law.create_vector()
         law.write(x)
@@ -427,9 +413,7 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
 
 
 class HeldNodes:
-    """Comparison of the displacement and velocity of a motion with its Dirichlet data.
-
-    Nodes with Dirichlet data are called held.
+    """Comparison of the motion of nodes held by Dirichlet data with these data.
 
     Args:
         problem: contact problem of a time step.

@@ -144,8 +144,7 @@ class NSCD(Evolution):
             are assembled when a run starts.
         dt: largest duration of a step. Recommended: at most 1/20 of the shortest period of
             interest, so that this period is at most 0.8 % too long. If contact forces follow waves,
-            also at most the time dx/c in which a wave of speed c crosses a cell of size dx (see the
-            module).
+            also at most the time dx/c of a wave across a cell (see the module).
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time; default: data are constant. It must
             not depend on earlier calls.
@@ -302,9 +301,8 @@ class NSCD(Evolution):
             start: state at the start, as in `run`; its time counts as 0.
             rest: fraction of the largest kinetic energy so far. The body counts as at rest if the
                 kinetic energy has been below this fraction for ten steps and for 4 sqrt(rest) of
-                the time since the start. The second condition excludes reversals of the velocity,
-                for example at the top of a throw, where the kinetic energy is small for a shorter
-                time. Default 1e-6.
+                the time since the start. At a reversal of the velocity, for example at the top of a
+                throw, the energy is small for a shorter time. Default 1e-6.
             observer: see `run`.
             progress: see `run`.
 

@@ -91,14 +91,12 @@ class _Falling:
 
 
 class RateProblem:
-    """Search for the directions in which an evolution can continue from a state. Collective.
-
-    The memory is that of the system.
+    """Search for the directions out of a state, with the memory of the system. Collective.
 
     Args:
         corrector: corrector of the bordered system.
         y: state (x, gamma).
-        at_border: largest distance to a change of status at which a point counts as at the border.
+        at_border: largest distance at which a point counts as at a border (change of status).
         beyond: distance by which a point must have passed a border to count as beyond it.
     """
 
@@ -117,9 +115,8 @@ class RateProblem:
         Args:
             piece: statuses of the last step.
             t: direction of the last step at the state.
-            every: whether to try all combinations of the statuses that meet at the state, even if
-                Newton's method finds a direction. They are not tried if a direction exists with the
-                statuses of the last step.
+            every: whether to try all combinations of statuses, even if Newton's method finds a
+                direction; not done if a direction exists with the statuses of the last step.
 
         Returns:
             Outgoing directions, without the direction that leads back; the path continues along the
@@ -140,12 +137,7 @@ class RateProblem:
         return FoundRays(tuple(rays), enumerated.complete, method)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Return the direction in which a path unloads and leads back.
-
-        Args:
-            piece: statuses of the last step.
-            t: direction in which the path arrived.
-        """
+        """Return the unloading direction of a path that arrived along ``t``."""
         reverse = t.copy()
         reverse.scale(-1.0)
         return FoundRays(self._by_newton(piece, reverse), False, _NEWTON)
@@ -194,8 +186,8 @@ class RateProblem:
             piece: initial statuses.
             t: direction with the initial statuses if ``oriented``; otherwise a vector that encloses
                 an angle of at most 90 degrees with the result.
-            oriented: whether the result is oriented such that the bordered determinant, that of the
-                Jacobian with the direction as last row, keeps its sign.
+            oriented: whether the result is oriented such that the determinant of the Jacobian with
+                the direction as last row keeps its sign.
         """
         for one_by_one in (False, True):
             ray = self._iterate(piece, t, oriented, one_by_one=one_by_one)
@@ -239,8 +231,7 @@ class RateProblem:
     def _steepest(self, falling: _Falling) -> _Falling:
         """Return only the change of status with the highest rate on any rank. Collective.
 
-        If rates are equal, it is the change of the first point in the order of the system
-        (`System.order`).
+        If rates are equal, it is the change of the first point in `System.order`.
         """
         rates = falling.rates
         steepest = maximum(self._comm, rates, -np.inf)
@@ -256,12 +247,7 @@ class RateProblem:
     # -- several pieces --------------------------------------------------------------------------
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Try all combinations of statuses of the points whose status can change, up to a limit.
-
-        Args:
-            piece: statuses of all other points.
-            t: direction in which tangents are tried first.
-        """
+        """Try all statuses of the points at a border, up to a limit, from the direction ``t``."""
         system = self._bordered.system
         order = system.order()
         events = self._bordered.events(self._y, piece)
@@ -315,18 +301,17 @@ def _slopes(present: Events, ahead: Events, behind: Events) -> Array:
 
 
 def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
-    """Return the statuses with which the state can continue at the start of a step. Collective.
-
-    These are the statuses of all solutions of the rate problem along which the load grows.
+    """Return the statuses with which a state can continue in a step. Collective.
 
     Args:
         problem: problem of the step (`ContactProblem.step_from`), with the start of the step in its
             Functions and the data of the end of the step.
 
     Returns:
-        Statuses of each solution, surface by surface on this rank. None if the sets of states with
-        fixed statuses are not polyhedral cones (`reduced.scope`), data of the surfaces change in
-        the step, or the stiffness of the body is singular even with fixed contact points.
+        Statuses of each solution of the rate problem with growing load, surface by surface on this
+        rank. None if the states with fixed statuses do not form polyhedral cones (`reduced.scope`),
+        data of the surfaces change in the step, or the stiffness of the body is singular even with
+        fixed contact points.
     """
     with loaded(problem) as (system, x):
         if not can_condense(system) or not system.leaves_surfaces_alone():
@@ -349,9 +334,7 @@ def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
 
 @contextmanager
 def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
-    """Provide the system H(x, gamma) of a step, and the unknowns at the start, as a context.
-
-    The data change linearly with gamma, from the start of the step (0) to its end (1).
+    """Context with the system H(x, gamma) of a step (gamma 0 to 1) and its initial unknowns.
 
     Collective.
     """

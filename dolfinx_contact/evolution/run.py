@@ -154,10 +154,7 @@ class Rule(ABC, Generic[T]):
         """Free matrices and solvers of the rule. Collective."""
 
     def require_continuation(self, history: History) -> None:
-        """Raise `NoContinuation` if no step continued the run and this is an error.
-
-        Not collective.
-        """
+        """Raise `NoContinuation` if the run ended with an error. Not collective."""
 
 
 @dataclass(frozen=True)
@@ -281,11 +278,7 @@ class Run(Generic[T, H]):
         self._show(step)
 
     def _show(self, step: EvolutionStep) -> None:
-        """Show the progress of the run on a line.
-
-        The line contains the position of the run, the numbers of points with each status, and the
-        elapsed and remaining time.
-        """
+        """Show the position of the run, the numbers of statuses, and elapsed and remaining time."""
         if not self._progress.due:
             return
         rule = self._rule
@@ -306,8 +299,7 @@ class Runnable(ReadOnly, Generic[T, H]):
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
         account: class of the energies, `Energies` or a subclass.
-        method: lines of text that describe the parameters of the method, for the manifest of a
-            record.
+        method: lines that describe the parameters of the method, for the manifest of a record.
         data: Functions and Constants in addition to those of the problem, such as a density.
         forms: forms in addition to those of the problem, such as damping.
         driven: expressions that define Dirichlet data as functions of a load.

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """One step of an evolution, from an accepted state to the next.
 
-A state with the unknowns x_n at the time t_n has the memory m_n: the jumps of the contact points
-and the internal variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load
-at t_n+1. Let H be the equations of the contact problem, A the update of the memory and E the
-energies. The step
+A state x_n at the time t_n has the memory m_n: the jumps of the contact points and the internal
+variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load at t_n+1. With
+the equations H, the update A of the memory and the energies E it
 
     1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the slip increment
                                                      since x_n (`ContactProblem.step_from`),
@@ -169,9 +168,7 @@ class Stepper:
         return self.accept(step, end.statuses, memory, time, energies, forces, result=result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
-        """Prepare a step; return its contact problem. Collective.
-
-        The Functions contain the accepted state and the data are those at the end of the step.
+        """Put a state into the Functions, set the data of a step; return its problem. Collective.
 
         Args:
             accepted: state at the start of the step.
@@ -328,9 +325,7 @@ class Stepper:
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """Return the state in the Functions, which belongs to a given time, as an accepted state.
-
-        Collective.
+        """Return the state in the Functions, at a given time, as an accepted state. Collective.
 
         Args:
             time: time of the state.
@@ -389,17 +384,11 @@ class Stepper:
         return Energies(), forces_at(law.equations, evaluation)
 
     def _more(self) -> dict[str, Any]:
-        """Return additional items of a state as keywords of `State`, such as the velocity.
-
-        Not collective.
-        """
+        """Return more items of a state, such as its velocity, as keywords of `State`."""
         return {}
 
     def _show_more(self, state: State) -> None:
-        """Write the additional items of a state, such as the velocity, into the Functions.
-
-        Collective.
-        """
+        """Put additional items of a state, such as a velocity, into the Functions. Collective."""
 
     # -- accepted states -------------------------------------------------------------------------
 

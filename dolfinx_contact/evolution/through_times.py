@@ -113,9 +113,8 @@ class HistoryTask:
             ends (see `NSCD.settle`); 0: the run ends at the last time.
         locate_jumps: whether steps with sudden changes are searched for jumps.
         halve: whether steps that are not solved are repeated with a shorter length.
-        rays: whether all solutions of the rate problem, the directions in which the evolution can
-            continue, are computed; None: only for up to sixteen points, in steps in which statuses
-            change.
+        rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
+            points, in steps in which statuses change.
         extrapolate: whether the solver starts from the extrapolation of the last step if bodies
             slide.
 
@@ -241,10 +240,7 @@ class ThroughTimes(Rule[HistoryTask]):
             self.end(Ending.REACHED, _REACHED)
 
     def _towards(self, end: float) -> Iterator[EvolutionStep]:
-        """Try a step towards a time; yield the accepted steps.
-
-        If the step is not accepted, a shorter one is prepared for the next call.
-        """
+        """Try a step towards a time; yield the accepted steps, or prepare a shorter step."""
         task = self.task
         start = self.state.accepted
         goal = _aim(start.time, end, self.state.length)
@@ -374,12 +370,7 @@ class ThroughTimes(Rule[HistoryTask]):
     # -- one step --------------------------------------------------------------------------------
 
     def _trial(self, goal: float, end: float) -> Trial:
-        """Return the strategies of the solver for a step.
-
-        Args:
-            goal: time at the end of the step.
-            end: next of the given times.
-        """
+        """Return the solver strategies for a step to ``goal`` on the way to the time ``end``."""
         if not self._slides:
             return Trial()
         task = self.task
@@ -398,8 +389,7 @@ class ThroughTimes(Rule[HistoryTask]):
         """Step from the accepted state to a time. Collective.
 
         Raises:
-            ConvergenceError: if no strategy solves the step, or the deformation at its end is
-                folded.
+            ConvergenceError: if no strategy solves the step, or its end is a folded state.
         """
         start = self.state.accepted
         after: AcceptedState | None = None
@@ -426,14 +416,7 @@ class ThroughTimes(Rule[HistoryTask]):
         return after if rays is None else replace(after, directions=len(rays))
 
     def _rays(self, start: AcceptedState, time: float) -> Sequence[Statuses] | None:
-        """Return the statuses with which the state can continue; None if they are not computed.
-
-        These are the statuses of all solutions of the rate problem.
-
-        Args:
-            start: state at the start of the step.
-            time: time at the end of the step.
-        """
+        """Return the statuses with which the state can continue; None if they are not computed."""
         if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
             return None
         found = rays_of_step(self._stepper.begin(start, time))
@@ -631,12 +614,9 @@ class ToRest(ThroughTimes):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """Return the end of the first step if an interval is divided into equal steps.
+    """Return the end of the first of equal steps from ``start`` to ``end``.
 
-    Args:
-        start: start of the interval.
-        end: end of the interval.
-        length: upper bound of the length of a step; the number of steps is the smallest possible.
+    Their number is the smallest for which they are at most ``length`` long.
     """
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps
