@@ -87,8 +87,7 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
     The solutions are in the units of the reduced problem.
 
     Args:
-        condensed: exact reduction of a problem for which proofs are possible (`why_not_provable`
-            returns "").
+        condensed: exact reduction of a provable problem (`why_not_provable` returns "").
         gamma: load parameter.
         seconds: time limit of the proof.
 
@@ -111,14 +110,13 @@ def proved_rays(
 ) -> ProvedRays:
     """Find all rays of a tangent cone and prove that there are no others.
 
-    Call it on one rank. A ray (`proofs.rays`) is a direction in which solutions leave the state,
-    scaled such that the load parameter has the derivative dgamma = 1 or -1.
+    Call it on one rank. Along a ray (`proofs.rays`) solutions leave the state, with dgamma = 1 or
+    -1.
 
     Args:
-        condensed: reduction of the problem at the state, with Coulomb friction or without friction.
+        condensed: reduction at the state, with Coulomb friction or without friction.
         cone: tangent cone of the contact laws at the state.
-        known: known rays, each as a pair of the statuses of the m points, shape (m,), and dgamma, 1
-            or -1.
+        known: known rays: statuses of the m points, shape (m,), and dgamma.
         seconds: time limit for each sign of dgamma.
     """
     try:
@@ -152,10 +150,9 @@ def uniqueness(
         linear: function returning the linear solver of the Jacobian.
         x: vector of unknowns at the solution.
         evaluation: evaluation of the equations at the solution.
-        seconds: time limit of the branch and bound by which uniqueness is decided if the
-            certificate of one point does not prove it (`proofs.only_solution`). With a positive
-            limit, Renard's criterion is evaluated for any number of points, with a search for
-            weights if its eigenproblem is dense.
+        seconds: time limit of the branch and bound that follows the certificate of one point
+            (`proofs.only_solution`). With a positive limit, Renard's criterion is evaluated for any
+            number of points, with weights if its eigenproblem is dense.
         state_at: function returning the `State` of a vector of unknowns.
     """
     if not equations.linear:
@@ -185,10 +182,9 @@ def uniqueness(
 
 
 def _is_provable_in_space(equations: ContactEquations) -> bool:
-    """Return whether a uniqueness certificate is tried for a 3D problem. Collective.
+    """Return whether the certificate of one point is tried for a 3D problem. Collective.
 
-    It is the certificate of one point (`proofs.only_solution`). It is tried if some surface has
-    Coulomb friction, proofs are possible for all laws, and the problem is small enough.
+    This requires a surface with Coulomb friction, laws that allow proofs, and a small problem.
     """
     laws = {type(s.law) for s in equations.surfaces}
     if Coulomb not in laws or not laws <= set(_LAWS):
@@ -205,14 +201,8 @@ def _among_points(
 ) -> Uniqueness:
     """Decide whether a solution of the reduced problem is unique. Collective.
 
-    If a second solution is found, the result contains its `State`.
-
-    Args:
-        condensed: reduction of the problem.
-        x: vector of unknowns at the solution.
-        solution: statuses of the solution in 2D, state of its contact points in 3D.
-        seconds: time limit, see `uniqueness`.
-        state_at: function returning the `State` of a vector of unknowns.
+    The ``solution`` consists of statuses in 2D, of the state of the contact points in 3D. If a
+    second solution is found, the result contains its `State`.
     """
     problem = _reduced(condensed, 0.0)
     if problem is None:
@@ -260,12 +250,7 @@ def _by_criterion(
 
 
 def _by_theory(equations: ContactEquations, obstacle: str) -> Uniqueness:
-    """Decide uniqueness by theorems if certificates do not apply. Collective.
-
-    Args:
-        equations: equations of the contact problem.
-        obstacle: reason why certificates do not apply, stated if the theorems do not decide either.
-    """
+    """Decide uniqueness by theorems if an obstacle rules out certificates. Collective."""
     theory = theory_of(equations)
     if theory.exists and theory.unique:
         return Uniqueness("proved", theory.reason)

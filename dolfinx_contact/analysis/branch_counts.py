@@ -5,7 +5,7 @@ A complete diagram contains every branch that is connected to the states from wh
 Other solutions are found only by a search at one value of the load parameter gamma
 (`find_solutions`), which may also prove completeness. The search runs at the ends of the range and
 midway between neighbouring special points, where no status is at a border. The solutions found are
-compared with the branches, which are interpolated between their points.
+compared with the branches, interpolated between their points.
 """
 
 from __future__ import annotations
@@ -101,8 +101,7 @@ class BranchCounts:
 
     Attributes:
         counts: counts, ordered by gamma.
-        followed: whether the diagram was complete, that is, contained every branch connected to the
-            states from which it was explored.
+        followed: whether the diagram contained every branch connected to its initial states.
     """
 
     counts: tuple[ProvedCount, ...]
@@ -229,9 +228,7 @@ def prove_counts(
 
 
 def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
-    """Return the values of the load parameter gamma at which solutions are counted.
-
-    They are the ends of its range, and midpoints between neighbouring special points.
+    """Return the ends of the range of gamma, and midpoints between special points.
 
     Args:
         branches: branches of the diagram.
@@ -286,10 +283,6 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
     """Match the solutions at one gamma with the branches that pass it. Collective.
 
     Each branch is assigned to the nearest solution within its tolerance.
-
-    Args:
-        found: solutions at gamma.
-        known: interpolated states of the branches at gamma (`_crossings`).
 
     Returns:
         For each solution, the index of its first branch, -1 if it has none; and the sorted indices
@@ -347,16 +340,9 @@ def _crossings(
 ) -> list[_Crossing]:
     """Return the states at which branches pass one gamma, by interpolation. Collective.
 
-    Args:
-        system: system of the branches.
-        layout: layout of the unknowns of the system.
-        branches: branches of the diagram.
-        gamma: load parameter.
-        size: largest norm of a state on the branches.
-
     Returns:
-        One tuple for each passage of a branch through gamma: the index of the branch, the
-        interpolated state, and the distance up to which a solution counts as this state.
+        For each passage the index of the branch, the interpolated state, and the distance up to
+        which a solution counts as this state.
     """
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []

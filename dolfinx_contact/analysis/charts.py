@@ -44,16 +44,14 @@ class ChartCell:
 
     Attributes:
         mu: smallest and largest mu of the cell.
-        gamma: smallest and largest gamma of the cell; for a cell between curves, the range of gamma
-            of the chart.
+        gamma: smallest and largest gamma; for a cell between curves, the range of the chart.
         solutions: statuses of the solutions at the midpoint, as sorted strings with one letter per
             contact point.
         proved: whether the solutions are provably complete; False if the slips of a solution exceed
             the range of small sliding (`ContactFamily.reach`).
         below: curves bounding the cell from below, more than one if they coincide; empty if the
             cell ends at ``gamma[0]``.
-        above: curves bounding the cell from above, more than one if they coincide; empty if the
-            cell ends at ``gamma[1]``.
+        above: curves bounding the cell from above; empty if the cell ends at ``gamma[1]``.
     """
 
     mu: tuple[float, float]
@@ -171,10 +169,7 @@ def solutions_at(
 
 
 def letters(solutions: Statuses) -> tuple[str, ...]:
-    """Return the statuses of each solution as a string with one letter per contact point.
-
-    The strings are sorted.
-    """
+    """Return the sorted statuses of solutions as strings, with one letter per contact point."""
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
 
@@ -308,10 +303,7 @@ class _Counting:
         return ChartCell(ends(leaf.i, 0), ends(leaf.j, 1))
 
     def _counted(self, leaves: Sequence[_Leaf]) -> list[_Leaf]:
-        """Find the solutions of cells and return the cells with these solutions.
-
-        Each search starts from the known solutions of the cell.
-        """
+        """Return cells with their solutions, using the known solutions as initial states."""
         places = [self._cell(leaf).middle for leaf in leaves]
         known = [leaf.codes for leaf in leaves]
         found = solutions_at(self._family, places, known, self._seconds, "cells")

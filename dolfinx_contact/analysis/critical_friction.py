@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction: coefficients with continua of slipping solutions.
 
-All contact points are closed, and the slip of each is a multiple of a unit tangent d; transverse
-slip is prevented. Let S be the stiffness condensed onto the contact points, with the block S_tt for
-the components of forces in the directions d and the block S_nt for normal forces. Slips v d, with
-one factor in v for each point, cause the shears r_t = S_tt v and the pressures r_n = S_nt v. If
+All contact points are closed and slip along unit tangents d; transverse slip is prevented. With the
+stiffness S condensed onto the contact points, slips v d, one factor v per point, cause the shears
+r_t = S_tt v along d and the pressures r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
@@ -104,13 +103,12 @@ class CriticalFriction:
     S_tt v = F S_nt v, where S_tt v are the shears and S_nt v the pressures caused by v.
 
     Attributes:
-        friction: coefficient of smallest magnitude with a real slip of one sign. It is positive if
-            points slip in the direction -d, and negative if they slip in the direction d. None if
-            no such coefficient is below `known_up_to`.
+        friction: coefficient of smallest magnitude with a real slip of one sign: positive if points
+            slip in the direction -d, negative in the direction d. None if there is none up to
+            `known_up_to`.
         slips: nonnegative slips v of the m slipping points at the coefficient `friction`, scaled to
-            a maximum of 1, shape (m,); empty if `friction` is None. For a multiple coefficient, v
-            is a combination of its slips. Coefficients count as equal if they differ by less than
-            1e-9, or by less than `residual` if this is larger.
+            a maximum of 1, shape (m,); empty if `friction` is None. If coefficients are equal up to
+            1e-9 (or a larger `residual`), v is a combination of their slips.
         positions: positions of the slipping points, shape (m, dim), ordered by coordinates.
         one_signed: coefficients with real slips of one sign, ordered by magnitude.
         mixed: coefficients with real slips of both signs, ordered by magnitude; they give continua
@@ -121,9 +119,8 @@ class CriticalFriction:
             With multigrid the search is rough, and the value is reduced by two per cent.
         complete: whether all coefficients were computed.
         displacement: displacement of the body in which the points have the slips `slips`.
-        residual: error bound of 1/F relative to 1/|F_1|, where F_1 is the smallest coefficient: the
-            largest |T f - f/F| |F_1|/|f| of all listed coefficients. Here f = S_tt v are the
-            shears, and T maps shears to pressures.
+        residual: error bound of 1/F relative to 1/|F_1| of the smallest coefficient F_1: largest |T
+            f - f/F| |F_1|/|f| in the lists, where T maps the shears f = S_tt v to pressures.
         solver: solver of the body, ``direct`` or ``amg``.
         solves: number of solves with the body; counted with multigrid only.
         iterations: number of multigrid cycles in the solves and in the search for eigenvalues.
@@ -145,10 +142,7 @@ class CriticalFriction:
 
     @property
     def others(self) -> list[complex]:
-        """Coefficients with real slips of both signs and complex coefficients.
-
-        They are ordered by magnitude.
-        """
+        """Complex coefficients, and those with slips of both signs, ordered by magnitude."""
         # The positive one of two mirrored coefficients comes first, as in the lists.
         others = [*map(complex, self.mixed), *self.unreal]
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
@@ -187,10 +181,9 @@ def critical_friction(
 
     Args:
         problem: contact problem, nodal or mixed.
-        direction: slip direction d. With a vector, all contact points are closed and d is the
-            normalised tangential part of this vector; the default in 2D is t = (-n_y, n_x) for the
-            normal n. With ``"solution"``, points slip, stick or are open as in the solution in the
-            Functions.
+        direction: slip direction d. With a vector, all contact points are closed and d is its
+            normalised tangential part; the default in 2D is (-n_y, n_x) for the normal n. With
+            ``"solution"``, points slip, stick or are open as in the solution in the Functions.
         count: number of eigenvalues if not all are computed; default 1. If none of them has a real
             slip of one sign, up to 16 times as many are computed. Further eigenvalues are often
             close together and slow to compute. Multigrid does not search for coefficients above a
@@ -201,9 +194,9 @@ def critical_friction(
             ``-analysis_linear_solver`` takes precedence.
 
     Raises:
-        ValueError: on every rank, if the direction or the solver is not valid, if contact is
-            integral, if no point can slip, if the body slides freely, or, with multigrid, if a
-            point has no node of its own.
+        ValueError: on every rank, if the direction or the solver is not valid, contact is integral,
+            no point can slip, the body slides freely, or, with multigrid, a point has no node of
+            its own.
         RuntimeError: if SLEPc or multigrid does not converge, or, with multigrid, if the body is
             not stable with its contact points held.
     """
@@ -299,13 +292,9 @@ class _PressureByShear:
         return 0, 0
 
     def _respond(self, shear: Array, *start: Array) -> Array:
-        """Return shears, and the slips and pressures caused by these shears, shape (3, m).
+        """Return shears, and the slips and pressures caused by them, on this rank, shape (3, m).
 
-        The result contains the m slipping points of this rank.
-
-        Args:
-            shear: shears at these points, shape (m,).
-            start: initial guess of the displacement for multigrid.
+        An initial guess ``start`` of the displacement is used by multigrid only.
         """
         shear = shear.copy()
         u, pressure = self.solve(shear, *start)
@@ -318,10 +307,7 @@ class _PressureByShear:
     ) -> SlipModes:
         """Call ``modes`` with the data of all slipping points and return its result. Collective.
 
-        Args:
-            seen: shears, slips and pressures on this rank for each of k vectors, shape (3, m) each.
-            modes: function of shears, slips and pressures, shape (number of points, k) each, and of
-                the slip of each point under a unit force (`softness_of`).
+        ``seen`` holds shears, slips and pressures of this rank for each vector, shape (3, m).
         """
         columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
         return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
@@ -353,17 +339,14 @@ class _PressureByShear:
     # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: ConstrainedMultigrid, count: int) -> SlipModes:
-        """Compute the coefficients of smallest magnitude by Davidson's method.
+        """Compute the coefficients F of smallest magnitude by Davidson's method.
 
-        The eigenvalues of T are found in order of decreasing magnitude. An unfinished search for
-        the next eigenvalue still gives an upper bound of the remaining magnitudes. Among close
-        eigenvalues it may find one that is not the largest. Let the columns of f be the shears
-        found so far, E f the slips and T f the pressures caused by these shears. On the span of f,
-        the eigenvalues of T are the eigenvalues of (f^T E f)^-1 f^T E T f.
-
-        Args:
-            body: multigrid solver of the body.
-            count: number of coefficients; more are computed if none of them has a slip of one sign.
+        More than ``count`` are computed if none of them has a slip of one sign. The eigenvalues 1/F
+        of T are found in order of decreasing magnitude. An unfinished search for the next
+        eigenvalue still gives an upper bound of the remaining magnitudes. Among close eigenvalues
+        it may find one that is not the largest. Let the columns of f be the shears found so far, E
+        f the slips and T f the pressures caused by these shears. On the span of f, the eigenvalues
+        of T are the eigenvalues of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -386,10 +369,7 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Return an estimate of the magnitude up to which no coefficient F is missing.
-
-        It follows from a rough search for the next eigenvalue 1/F.
-        """
+        """Estimate the magnitude up to which no F is missing by a rough search for the next 1/F."""
         if search.number >= self._slip.number:
             return np.inf
         search.begin()
@@ -414,10 +394,7 @@ class _PressureByShear:
     # -- SLEPc ------------------------------------------------------------------------------------
 
     def _by_slepc(self, count: int) -> SlipModes:
-        """Compute coefficients F from the largest eigenvalues 1/F of T, using SLEPc.
-
-        SLEPc needs only products with T.
-        """
+        """Compute the largest eigenvalues 1/F of T by SLEPc, using products with T only."""
         T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
         number = solver.getConverged()

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for curves of folds and events in two parameters, starting from known points.
 
-On a border, one contact point is between two statuses, and the load parameter gamma is a function
-of the second parameter mu on some intervals (`family`). An interval ends where a second point
-reaches a border, or where displacement and force of the first point vanish; other borders contain
-the same state. Within an interval, the equations for the statuses on one side of the border may be
-singular at some mu. They then have a line of solutions with one gamma, whose other end lies on
-another border; on both borders folds turn into events or vice versa. All these meeting points are
-roots of rational functions. The curves are followed from one meeting point to the next.
+On a border one contact point is between two statuses, and the load gamma is a function of the
+second parameter mu on some intervals (`family`). An interval ends where a second point reaches a
+border, or where displacement and force of the first point vanish; other borders contain the same
+state. Within an interval, the equations for the statuses on one side of the border may be singular
+at some mu. They then have a line of solutions with one gamma, whose other end lies on another
+border; on both borders folds turn into events or vice versa. All these meeting points are roots of
+rational functions. The curves are followed from one meeting point to the next.
 """
 
 from __future__ import annotations
@@ -145,14 +145,7 @@ class _Search:
     # -- meetings --------------------------------------------------------------------------------
 
     def _meeting(self, s: Segment, mu: float) -> Meeting | None:
-        """Return the point where a segment meets other segments; None if it ends without meeting.
-
-        This is the case if mu or gamma reaches an end of its range.
-
-        Args:
-            s: segment.
-            mu: value of mu at the end of the segment.
-        """
+        """Return the meeting point at an end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
         w = s.frame.state(mu)
@@ -198,11 +191,7 @@ class _Search:
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
         """Return the statuses of all borders that contain a state, shape (m,) each.
 
-        None if there are too many borders, or if the state of a point satisfies no status.
-
-        Args:
-            w: state, shape (m, 4).
-            mu: second parameter.
+        None if there are too many, or if the state of a point satisfies no status.
         """
         f = self.family
         tolerance = _HELD * self._size(w)
@@ -231,8 +220,7 @@ class _Search:
     ) -> Iterator[tuple[Codes, Array]]:
         """Yield the border at the other end of a line of states, and the state there.
 
-        The states on the line solve the singular equations for the statuses on one side of a
-        border, all with the same mu and gamma.
+        The states on the line solve the singular equations on one side of a border.
 
         Args:
             frame: border at this end of the line.

@@ -12,16 +12,15 @@ Sci. Stat. Comput. 7, 1986). With M = A^-1 this is Arnoldi's method for A^-1 E^T
 solve per step and hardly fewer steps.
 
 A search begins with a random vector, A-orthogonal to the converged vectors of earlier searches, so
-that it finds missed eigenvalues, including multiple ones. Each of its first basis vectors is
-computed from r = E^T G w_k with the previous vector w_k, not from the residual of a Ritz pair. That
-residual would lose large components elsewhere in the random vector, for example in bodies that do
-not touch.
+that it finds missed eigenvalues, including multiple ones. Its first basis vectors use r = E^T G w_k
+with the previous vector w_k instead of the residual of a Ritz pair, which would lose large
+components elsewhere in the random vector, for example in bodies that do not touch.
 
 SLEPc's generalised Davidson method stops at the norm of the residual, which does not bound the
 error of an eigenvalue of this problem. For the leaning cube of `benchmarks/critical_friction.py`
-with 28 000 unknowns it took 82 cycles for the first critical friction coefficient, whereas this
-module takes 52. SLEPc's search for the next coefficient ended at 2.46, but this module finds 2.37.
-SLEPc's Jacobi-Davidson method accepts no preconditioner without a Krylov method.
+with 28 000 unknowns it took 82 cycles for the first critical friction coefficient (52 here), and
+its search for the next one ended at 2.46, where 2.37 is found here. SLEPc's Jacobi-Davidson method
+accepts no preconditioner without a Krylov method.
 """
 
 from __future__ import annotations
@@ -49,9 +48,7 @@ _DEPENDENT = 1e-10  # relative norm outside the basis below which a vector is de
 
 
 class Davidson:
-    """Davidson's method for the eigenproblem E^T G w = mu A w. All methods are collective.
-
-    The method is described in the module. mu is an eigenvalue and w its eigenvector.
+    """Davidson's method for E^T G w = mu A w with eigenpairs (mu, w). Collective.
 
     Args:
         A: symmetric positive definite matrix.
@@ -115,8 +112,7 @@ class Davidson:
             tolerance: largest error of the eigenvalue, relative to its magnitude.
 
         Raises:
-            RuntimeError: on every rank, after too many cycles, or if the matrix A is not positive
-                definite.
+            RuntimeError: on every rank, after too many cycles, or if A is not positive definite.
         """
         begun = self.cycles
         while True:
@@ -145,9 +141,7 @@ class Davidson:
                 self._add(self._random())
 
     def keep(self) -> tuple[Array, Array]:
-        """Add the leading Ritz vector of the search to the converged ones.
-
-        Both vectors of a complex pair are added. The eigenproblem is E^T G w = mu A w.
+        """Keep the leading Ritz vector of the search, or both vectors of a complex pair.
 
         Returns:
             Products f = G w for the new vectors w, shape (m, 1 or 2), and the approximations of
@@ -166,8 +160,8 @@ class Davidson:
         """Return the Ritz pairs of the search in order of decreasing modulus.
 
         Returns:
-            Ritz values; coefficients of the Ritz vectors in the basis, as columns; and the
-            condition number of the first value.
+            Ritz values; their vectors in the basis, as columns; and the condition number of the
+            first.
         """
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
@@ -182,13 +176,7 @@ class Davidson:
         return on_root(self.comm, by_size)
 
     def _residual(self, force: Array) -> Array:
-        """Return the residual of a Ritz pair of E^T G w = mu A w.
-
-        It is E^T f minus its projection on the basis.
-
-        Args:
-            force: product f = G w with the Ritz vector w, on this rank.
-        """
+        """Return E^T f minus its projection on the basis: the residual if f = G w is ``force``."""
         _, Aw, e, _ = self._parts(0)
         return self._load(force) - Aw @ self._sum(e.T @ force)
 
@@ -243,13 +231,7 @@ class Davidson:
         self._columns[:, first : self._used] = new
 
     def _parts(self, first: int) -> list[Array]:
-        """Return the basis vectors w, and the products A w, E w and G w, as columns.
-
-        A, E and G are the matrices of the eigenproblem.
-
-        Args:
-            first: number of leading basis vectors that are left out.
-        """
+        """Return W, A W, E W and G W without the columns of the ``first`` leading basis vectors."""
         n = self._w.getLocalSize()
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)

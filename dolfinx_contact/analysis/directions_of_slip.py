@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction in 3D as a function of the sliding direction.
 
-For each unit vector d in the plane of contact, the slips of all points are multiples of d, with the
-factors v, one for each point. They cause the shears (S_dd v) d and the pressures S_nd v, where S_dd
-and S_nd are blocks of the stiffness of the contact points. The critical coefficients are the
-eigenvalues F of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to sliding in the direction
--d and F < 0 to sliding in the direction d, so that half a circle of directions is sufficient.
-Friction is isotropic and opposes the slip; transverse slip is prevented.
+For each unit vector d in the plane of contact, slips v d, one factor v per point, cause the shears
+(S_dd v) d and the pressures S_nd v, with blocks of the stiffness S of the contact points. The
+critical coefficients are the eigenvalues F of S_dd v = F S_nd v (`critical_friction`). F > 0
+belongs to sliding in the direction -d and F < 0 to sliding in the direction d, so that half a
+circle of directions is sufficient. Friction is isotropic and opposes the slip; transverse slip is
+prevented.
 """
 
 from __future__ import annotations
@@ -162,9 +162,8 @@ class _AllTangents:
     """Response of the contact points to forces along all tangents. Collective.
 
     With all normal displacements held, a unit force along each tangent causes the slips in a column
-    of C and the pressures in a column of P. If the points slip only in the directions of the unit
-    vectors in the columns of d, unit slips cause the shears S_dd = d^T C^-1 d and the pressures
-    S_nd = P C^-1 d.
+    of C and the pressures in a column of P. Unit slips in the directions of the columns of d cause
+    the shears S_dd = d^T C^-1 d and the pressures S_nd = P C^-1 d.
 
     Args:
         problem: contact problem.
@@ -193,10 +192,7 @@ class _AllTangents:
         self.solver = solver_of_body(eq, [self._N], solver)
 
     def coefficients(self, direction: Array) -> Array:
-        """Return the critical coefficients of a direction with real slips of one sign.
-
-        Requires that `held` is True.
-        """
+        """Return all critical F of a direction with a real slip of one sign; requires `held`."""
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)
@@ -220,10 +216,9 @@ class _AllTangents:
 
     @cached_property
     def _responses(self) -> tuple[Array, Array]:
-        """Slips and pressures caused by a unit force along each tangent, as columns.
+        """Rows on this rank of C and P, the slips and pressures under unit forces, as columns.
 
-        They are the rows on this rank of the matrices C and P of the class. Collective when first
-        computed.
+        Collective when first computed.
         """
         body = constrained_body(self._eq, self._u, [self._N], self.solver)
         try:

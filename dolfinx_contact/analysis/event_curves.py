@@ -31,8 +31,7 @@ class Segment:
     """Part of a curve of folds or events on which all statuses are constant.
 
     Attributes:
-        frame: border on which the segment lies: one contact point is between two statuses
-            (`family`).
+        frame: border of the segment, with one contact point between two statuses (`family`).
         low: smallest value of the second parameter mu.
         high: largest value of mu.
         kind: ``"fold"`` if branches turn back in gamma at the curve, ``"event"`` if they continue.
@@ -101,9 +100,7 @@ class EventCurve:
         return float("nan") if segment is None else segment.frame.gamma(mu)
 
     def statuses_at(self, mu: float) -> tuple[str, str]:
-        """Return the statuses on both sides of the curve at a given mu.
-
-        Each is a string with one letter per contact point.
+        """Return the statuses on both sides at mu, as strings with one letter per contact point.
 
         Raises:
             ValueError: if mu is outside the span.
@@ -119,18 +116,11 @@ class EventCurve:
 
     @property
     def breaks(self) -> Array:
-        """Values of mu that divide each segment into sixteen parts, shape (n,).
-
-        Two curves are assumed to cross at most once between two of these values.
-        """
+        """Values of mu, sixteen per segment, between which two curves should cross at most once."""
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
-        """Return n points (mu, gamma) of the curve, shape (n, 2).
-
-        Args:
-            number: number of intervals per segment; default 8.
-        """
+        """Return n points (mu, gamma), with ``number`` intervals per segment, shape (n, 2)."""
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
@@ -188,12 +178,7 @@ class EventCurves:
 
 
 def strips(curves: Sequence[EventCurve], mus: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the intervals of mu in which the set and the order of the curves are constant.
-
-    Args:
-        curves: curves over mu.
-        mus: smallest and largest mu.
-    """
+    """Return the intervals of mu in which the set and the order of the curves are constant."""
     cuts = {mu for curve in curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
     near = _SAME * (mus[1] - mus[0])

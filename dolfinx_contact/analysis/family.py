@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Two-parameter contact problems in the plane, and states with one point at a border.
 
-The unknowns at m contact points are w = (ut, un, rt, rn), displacements a = (ut, un) and forces r =
-(rt, rn), with
+At m contact points w = (a, r) are displacements a = (ut, un) and forces r = (rt, rn), with
 
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 
@@ -119,8 +118,7 @@ class ContactFamily:
         """Return the reduced problem at (mu, gamma), with error bounds.
 
         Raises:
-            ValueError: if the stiffness is not proved to be positive definite within its error
-                bounds.
+            ValueError: if the stiffness, within its bounds, is not proved to be positive definite.
         """
         parts = self.p, gamma * self.q, mu * self.v
         p_error = _ROUND_OFF * np.sum(np.abs(parts), axis=0)
@@ -131,40 +129,27 @@ class ContactFamily:
         return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
-        """Return the matrix that maps the unknowns of a point to its state (ut, un, rt, rn).
+        """Return the matrix from the free unknowns of a point to its state, shape (4, unknowns).
 
-        The unknowns are the components left free by the status. Shape (4, unknowns).
-
-        Args:
-            i: index of the point.
-            code: status of the point, or border between two statuses.
-            mu: second parameter.
+        The status or border ``code`` selects the free components of (ut, un, rt, rn).
         """
         F = self.friction[i] + mu * self.friction_rate[i]
         constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return the matrices that map all unknowns to the states of the points.
+        """Return the matrices from all free unknowns to the states, shape (m, 4, unknowns).
 
-        The unknowns are the components left free by the statuses. Shape (m, 4, unknowns).
-
-        Args:
-            codes: statuses of the points, with at most one border, shape (m,).
-            mu: second parameter.
+        The statuses ``codes``, with at most one border, select the free components.
         """
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
-        """Return the inequalities (C_0 + mu C_1) w >= 0 of a status at a point.
+        """Return the inequalities (C_0 + mu C_1) w >= 0 of a status or border at point ``i``.
 
-        w = (ut, un, rt, rn) is the state of the point. Each inequality is a tuple of C_0, C_1, and
-        the status that the point takes instead if the inequality is violated.
-
-        Args:
-            i: index of the point.
-            code: status of the point, or border between two statuses.
+        Each is a tuple of C_0, C_1, and the status that the point takes instead if its state
+        w = (ut, un, rt, rn) violates the inequality.
         """
         if self.frictionless[i]:
             return WITHOUT_FRICTION[code]
@@ -173,13 +158,9 @@ class ContactFamily:
         return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
-        """Return the matrices E_0 and E_1 of the equilibrium equations for given statuses.
+        """Return E_0 and E_1 of the equilibrium S a - r = (E_0 + mu E_1) z, shape (2 m, unknowns).
 
-        (E_0 + mu E_1) z is S a - r for the stiffness S, displacements a and forces r as functions
-        of the unknowns z left free by the statuses. Shape (2 m, unknowns) each.
-
-        Args:
-            codes: statuses of the points, with at most one border, shape (m,).
+        The unknowns z, left free by the statuses, determine displacements a and forces r.
         """
         at_0, at_1 = (
             self.S @ B[:, :2].reshape(len(self.S), -1) - B[:, 2:].reshape(len(self.S), -1)
@@ -188,13 +169,7 @@ class ContactFamily:
         return at_0, at_1 - at_0
 
     def state(self, codes: Codes, z: Array, mu: float) -> Array:
-        """Return the states (ut, un, rt, rn) of all points, shape (m, 4).
-
-        Args:
-            codes: statuses of the points, with at most one border, shape (m,).
-            z: unknowns left free by the statuses.
-            mu: second parameter.
-        """
+        """Return the states (ut, un, rt, rn) of all points for free unknowns z, shape (m, 4)."""
         return np.asarray(self.bases(codes, mu) @ z)
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
@@ -223,14 +198,11 @@ class ContactFamily:
 
 
 class Frame:
-    """Border in a family of problems: statuses with one point between two statuses.
-
-    On the border, the state and the load parameter gamma are functions of the second parameter mu.
+    """Border of a family, on which the state and the load gamma are functions of mu.
 
     Args:
         family: problem with two parameters.
-        codes: statuses of the points, shape (m,); the code of exactly one point is that of a
-            border.
+        codes: statuses of the points, exactly one of them a border, shape (m,).
     """
 
     def __init__(self, family: ContactFamily, codes: Codes):
@@ -244,9 +216,9 @@ class Frame:
         self._slacks = self._functions()
 
     def _functions(self) -> tuple[Array, Array]:
-        """Return the matrices s_0 and s_1 of the slacks of all inequalities at the border.
+        """Return s_0 and s_1 of the slacks (s_0 + mu s_1) y with y from `solve`.
 
-        The slacks are (s_0 + mu s_1) y for the solution y of `solve`; shape (slacks, 2 m) each.
+        Shape (slacks, 2 m) each.
         """
         f = self.family
         B_0 = f.bases(self.codes, 0.0)
@@ -262,10 +234,7 @@ class Frame:
         return both[:, 0], both[:, 1]
 
     def solve(self, mu: float) -> Array | None:
-        """Return the unknowns of the state on the border, followed by gamma, shape (2 m,).
-
-        None if the equations of the border are singular at mu.
-        """
+        """Return the unknowns and gamma at mu, shape (2 m,); None if the equations are singular."""
         f = self.family
         try:
             y = np.asarray(np.linalg.solve(self._G + mu * self._E, f.p + mu * f.v), dtype=float)
@@ -279,18 +248,12 @@ class Frame:
         return float("nan") if y is None else float(y[-1])
 
     def state(self, mu: float) -> Array | None:
-        """Return the states (ut, un, rt, rn) of all points on the border, shape (m, 4).
-
-        None if the equations of the border are singular at mu.
-        """
+        """Return the states (ut, un, rt, rn) at mu, shape (m, 4); None as for `solve`."""
         y = self.solve(mu)
         return None if y is None else self.family.state(self.codes, y[:-1], mu)
 
     def slacks(self, mu: float) -> Array:
-        """Return the slacks of all inequalities at mu.
-
-        They are NaN if the equations of the border are singular.
-        """
+        """Return the slacks of all inequalities at mu; NaN if the equations are singular."""
         y = self.solve(mu)
         s_0, s_1 = self._slacks
         return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
@@ -305,8 +268,7 @@ class Frame:
     def ends(self, span: tuple[float, float], gammas: tuple[float, float]) -> Array:
         """Return all mu in an interval at which the border may end, in increasing order.
 
-        At these mu the slack of an inequality vanishes, gamma reaches an end of its range, or the
-        equations of the border are singular.
+        There a slack vanishes, gamma reaches an end of its range, or the equations are singular.
 
         Args:
             span: interval of mu.
@@ -362,25 +324,18 @@ class Frame:
         return codes
 
     def turns(self, which: int, span: tuple[float, float]) -> Array:
-        """Return all mu at which the equations on one side of the border are singular, in order.
+        """Return the mu in an interval at which the equations on one side are singular.
 
-        Args:
-            which: side of the border, 0 or 1.
-            span: interval of mu.
+        They are in increasing order. ``which`` is the side, 0 or 1.
         """
         A, E = self.family.columns(self.piece(which))
         pencil = _Pencil.within(A, E, span)
         return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
 
     def sense(self, which: int, mu: float) -> float:
-        """Return the direction of gamma along the solutions that enter one side of the border.
+        """Return the sign of dgamma along the solutions entering one side (0 or 1) of the border.
 
-        It is 1 if gamma increases, -1 if it decreases, and 0 if the equations for the statuses on
-        this side are singular.
-
-        Args:
-            which: side of the border, 0 or 1.
-            mu: second parameter.
+        It is 0 if the equations on this side are singular.
         """
         f = self.family
         codes = self.piece(which)
@@ -423,10 +378,7 @@ class _Pencil:
 
     @classmethod
     def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
-        """Return the pencil G + mu E with a centre in an interval at which it is regular.
-
-        None if the matrix is singular at all trial values.
-        """
+        """Return the pencil G + mu E about a regular mu of an interval; None if none is found."""
         for part in _PARTS:
             center = span[0] + part * (span[1] - span[0])
             A = G + center * E
@@ -442,10 +394,7 @@ class _Pencil:
         return None
 
     def _shifts(self, X: Array, span: tuple[float, float]) -> list[float]:
-        """Return the values of mu in an interval that belong to the eigenvalues of ``X``.
-
-        An eigenvalue is 1 / (mu - center).
-        """
+        """Return all mu in the interval for which 1 / (mu - center) is an eigenvalue of X."""
         values = np.linalg.eigvals(X)
         near = np.abs(values) * (span[1] - span[0]) >= 1
         real = values[near & (np.abs(values.imag) <= _REAL * np.abs(values))].real
@@ -459,11 +408,7 @@ class _Pencil:
     def roots(
         self, p: Array, v: Array, s: Array, slope: Array, target: float, span: tuple[float, float]
     ) -> list[float]:
-        """Return all mu in an interval at which a linear function of y has a given value.
-
-        y is the solution of (G + mu E) y = p + mu v with the matrix of the pencil. The function is
-        (s + mu slope) y, its value ``target``.
-        """
+        """Return all mu in an interval with (s + mu slope) y = target, (G + mu E) y = p + mu v."""
         y = self.inverse @ (p + self.center * v)
         row = s + self.center * slope
         value = float(row @ y - target)

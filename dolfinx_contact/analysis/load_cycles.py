@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Time stepping of load cycles on contact points until the response comes to rest or repeats.
 
-Each step is implicit. Let S be the stiffness of the contact points, p the load at the end of a
-step, and w the slips at its start. The displacements a and forces r at its end solve S a = r + p,
-the unilateral conditions, and the friction law with the slip increment ut - w (a shifted
-`PointProblem`). Newton's method starts from the previous step. If it fails, Lemke's method is used
-in the plane and Gauss-Seidel in space.
+Each step is implicit. With the slips w at the start of a step, the displacements a and forces r at
+its end solve S a = r + p with the stiffness S and the load p, the unilateral conditions, and the
+friction law with the slip increment ut - w (a shifted `PointProblem`). Newton's method starts from
+the previous step. If it fails, Lemke's method is used in the plane and Gauss-Seidel in space.
 
 After a cycle in which no point with friction has slipped, and no point has opened or closed, the
 points remain at rest: the same states satisfy the equations in the next cycle, by convexity also
@@ -203,15 +202,12 @@ class _Stepper:
 
 
 def one_solution(problem: PointProblem, message: str, start: Array | None = None) -> State:
-    """Solve a reduced problem by Lemke's method (2D) or by Gauss-Seidel (3D).
+    """Return displacements and forces by Lemke's method (2D) or Gauss-Seidel (3D).
 
     Args:
         problem: reduced problem.
         message: beginning of the error message.
         start: initial forces for Gauss-Seidel, shape (m, dim); zero by default.
-
-    Returns:
-        Displacements and forces of one solution, shape (m, dim) each.
 
     Raises:
         RuntimeError: if Gauss-Seidel does not converge.

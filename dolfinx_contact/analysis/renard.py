@@ -14,9 +14,8 @@ follows from an eigenproblem. For one point with the stiffness [[k_t, k], [k, k_
 F_R = 2 sqrt(k_t k_n - k^2)/k_n.
 
 In terms of the forces r, the form is r.A r + F (A r).X r. A = B K^{-1} B^T is the flexibility, with
-the stiffness K and the operator B from displacements to jumps, and X has the entries xi in the
-positions (tangent, normal) of every point; the largest eigenvalue mu of -sym(A X) r = mu A r is
-1/F_R.
+the stiffness K and the jumps B u, and X = xi in the entries (tangent, normal) of every point; the
+largest eigenvalue mu of -sym(A X) r = mu A r is 1/F_R.
 
 **Weights.** The solution is also unique if *some* sum of the inequalities with positive weights is
 positive,
@@ -98,8 +97,8 @@ class Renard:
         factor: factor on the friction coefficients below which a solution with these directions of
             slip and shear is unique; infinite without friction, or if no point slips or is in
             contact.
-        friction: `factor` times the friction coefficient, that is, the coefficient below which the
-            solution is unique; None if the friction coefficient varies between points.
+        friction: coefficient below which the solution is unique, `factor` times the friction
+            coefficient; None if it varies between points.
         definite: whether the stiffness is symmetric and positive definite, a condition of the
             criterion.
         doubt: description of slips too large for the criterion, which requires small sliding; empty
@@ -222,10 +221,7 @@ def criterion_at(
 
 
 def _slopes(eq: ContactEquations, evaluation: Evaluation) -> Array:
-    """Return the friction coefficients at the points of this rank.
-
-    They are 0 at points with a prescribed friction bound.
-    """
+    """Return the friction coefficients at the points of this rank; 0 for a prescribed bound."""
     slopes = []
     for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
@@ -268,10 +264,7 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
 
 
 class _Form:
-    """Matrices of Renard's criterion for the free components of the jumps.
-
-    They are the flexibility A and the matrix X of the module, here with X multiplied by the
-    friction coefficients F.
+    """Matrices A (flexibility) and F X of the module, for the free components of the jumps.
 
     Args:
         eq: contact problem.
@@ -341,11 +334,7 @@ class _Form:
         return on_gathered(self.comm, solved, A, mine, self._groups)
 
     def by_slepc(self) -> float:
-        """Compute `Renard.factor` using SLEPc.
-
-        SLEPc needs only products with the flexibility of the contact points and with its inverse,
-        the stiffness.
-        """
+        """Compute `Renard.factor` by SLEPc, using products with A and with its inverse."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
         held = ConstrainedBody(
@@ -353,11 +342,7 @@ class _Form:
         )
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
-            """Write the product of x and a matrix to y; its largest eigenvalue is 1/F_R.
-
-            The matrix is -(X + S X^T A)/2 with the stiffness S, the flexibility A and the matrix X
-            of `_Form`; F_R is a factor on the friction coefficients.
-            """
+            """Multiply by -(X + S X^T A)/2, whose largest eigenvalue is 1/F_R (S: stiffness)."""
             u, a = R.createVecs()
             R.multTranspose(x, u)
             u.array[:] = self._free.solve(u.array_r)[0]
@@ -404,8 +389,8 @@ class WeightedForm:
         S: stiffness of the n free components of the jumps, symmetric positive definite, shape
             (n, n).
         G: matrix of friction: the row of a tangential component is the friction coefficient times
-            the component of the direction of slip or shear, times the row of S of the normal force
-            at the same point; other rows are 0; shape (n, n).
+            this component of the direction xi, times the row of S of the normal force at the point;
+            other rows are 0; shape (n, n).
         groups: index of the weight of each component, shape (n,); all tangents of a point have
             the same weight.
     """
@@ -419,8 +404,7 @@ class WeightedForm:
 
         Args:
             weights: positive weights, shape (number of groups,).
-            factor: friction factor inside the interval; if the sum is not definite there, the
-                interval is empty.
+            factor: factor inside the interval, which is empty if the sum is not definite there.
         """
         w = weights[self.groups][:, None]
         form, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))

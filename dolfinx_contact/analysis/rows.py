@@ -137,9 +137,7 @@ def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
 
 
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return unit axes that span the ranges of projectors, restricted to free components.
-
-    Free components are those without Dirichlet data.
+    """Return unit axes spanning the ranges of projectors, without Dirichlet components.
 
     Args:
         eq: contact problem.
@@ -202,9 +200,7 @@ def matrix_of_product(
 
 
 def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
-    """Solve an eigenproblem using SLEPc. Collective.
-
-    The options have the prefix ``analysis_``.
+    """Solve an eigenproblem by SLEPc (option prefix ``analysis_``). Collective.
 
     Args:
         solver: EPS or PEP object with its operators.
@@ -219,7 +215,7 @@ def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
 def require_nodes(eq: ContactEquations) -> None:
     """Raise `ValueError` unless contact is at nodes, with small sliding and a local law.
 
-    Adhesion and rigid bodies with unknowns are not supported, either.
+    Adhesion and rigid bodies with unknowns are not supported either.
     """
     for s in eq.surfaces:
         for fits, need in (

@@ -245,17 +245,10 @@ def shakedown_of(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """Return the result of `shakedown` for contact points. Not collective.
+    """Return the result of `shakedown` for m contact points. Not collective.
 
-    Args:
-        points: m contact points with their stiffness and laws.
-        loads: loads at the K corners of the load cycle, shape (K, dim m).
-        steady: steady load, shape (dim m,); default: the first corner.
-        factor: see `shakedown`.
-        cycles: see `shakedown`.
-        steps: see `shakedown`.
-        starts: see `shakedown`.
-        seconds: see `shakedown`.
+    ``loads`` are the loads of the K corners, shape (K, dim m), ``steady`` is the steady load, shape
+    (dim m,), by default the first corner.
     """
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady
@@ -293,10 +286,7 @@ def shakedown_of(
 
 
 def _factor_of(ranges: Ranges) -> float:
-    """Return the default load factor of the stepped cycles.
-
-    It lies within the last of the ranges that contain states at rest, close to its upper end.
-    """
+    """Return the default load factor, just below the end of the last range with rest."""
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -346,13 +336,9 @@ def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Mask) -> tuple[str, ...]:
-    """Return texts naming the points about to open, close or slip, and the corner of the cycle.
+    """Describe the points about to open, close or slip, and at which corners of the cycle.
 
-    Args:
-        points: contact points with their laws.
-        forces: forces at the K corners of the load cycle, shape (K, m, dim).
-        a: displacements at these corners, shape (K, m, dim).
-        opened: mask of the open points, shape (m,).
+    Forces and displacements ``a`` at the K corners have shape (K, m, dim).
     """
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))

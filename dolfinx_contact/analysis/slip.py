@@ -2,8 +2,7 @@
 r"""Slip pattern: slipping points with their directions, and the corresponding rows of B.
 
 Let n be unit normals from the body into the obstacle, d unit slip directions, and r = -r_n n + r_t
-the forces on the body. B maps the displacement u to the jumps j at the contact points. Linear
-analyses of sliding contact split j into three parts,
+the forces on the body. Linear analyses of sliding contact split the jumps j = B u into three parts,
 
     N u = n.j,    D u = d.j    at slipping points,    H u = 0    for held components.
 
@@ -135,10 +134,7 @@ class SlipPattern:
 
 
 def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
-    """Return masks of points without friction and of points with a prescribed bound.
-
-    The bound is that of Tresca friction. Each mask has the shape (n,).
-    """
+    """Return masks of points without friction and of points with a Tresca bound, shape (n,)."""
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
     smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
@@ -160,8 +156,7 @@ class Slip:
     Attributes:
         number: number of slipping points on all ranks.
         places: indices of the slipping points of this rank among its contact points.
-        N, D, H: matrices of the normal jumps and of the slips at slipping points, and of the held
-            components; their columns of Dirichlet data are zero.
+        N, D, H: matrices of normal jumps, slips and held components; 0 in Dirichlet columns.
 
     Raises:
         ValueError: on every rank, with ``method="integral"``, if several surfaces hold the same

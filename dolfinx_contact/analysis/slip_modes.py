@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Critical friction coefficients F and their slips, from an eigenproblem.
 
-The eigenproblem is T f = f/F, where T maps shears f at the slipping points to pressures
-(`critical_friction`). Slips of one sign are also found for multiple eigenvalues. Components of
-slips below the accuracy of their eigenvectors are set to zero.
+The eigenproblem is T f = f/F; T maps shears f to pressures (`critical_friction`). Slips of one sign
+are also found for multiple eigenvalues. Components of slips below the accuracy of their
+eigenvectors are set to zero.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class SlipModes:
         slips: slips, scaled such that the largest entry of each column is 1, shape (m, k).
         shears: shears that cause these slips, shape (m, k).
         known_up_to: magnitude below which no F is missing.
-        residuals: residual norms |T f - f/F| / |f| of the shears f, relative to the largest 1/|F|,
-            shape (k,). T maps shears to pressures.
+        residuals: residual norms |T f - f/F| / |f|, relative to the largest 1/|F|, shape (k,); T
+            maps the shears f to pressures.
     """
 
     friction: Complex
@@ -61,9 +61,7 @@ class SlipModes:
         softness: Array,
         known_up_to: float = np.inf,
     ) -> SlipModes:
-        """Sort critical coefficients F, given by an eigenproblem, and find slips of one sign.
-
-        The eigenproblem is T f = f/F, where T maps shears f to pressures.
+        """Sort the coefficients F of T f = f/F (shears f, pressures T f); find slips of one sign.
 
         Args:
             values: eigenvalues 1/F, shape (k,).
@@ -123,13 +121,8 @@ def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Arra
     """Return relative error bounds of the eigenvectors of T f = f/F, shape (k,).
 
     The bound is the residual divided by the distance to the nearest other eigenvalue 1/F, listed or
-    not (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
-
-    Args:
-        F: critical coefficients, shape (k,).
-        residuals: relative residuals of the eigenvectors, shape (k,).
-        same: relative difference below which coefficients count as equal.
-        known_up_to: magnitude below which no F is missing.
+    above `known_up_to` (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
+    Coefficients within the relative distance ``same`` count as equal.
     """
     values = 1.0 / F
     apart = np.abs(values[:, None] - values)
@@ -175,13 +168,12 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 def _nonnegative(vectors: Array, none: float) -> Array:
     """Return weights of a combination of vectors without negative components, shape (k,).
 
-    Of all combinations with components up to 1, it has the largest sum of components. All weights
-    are 0 if there is no combination without negative components.
+    Of all combinations with components up to 1, it has the largest sum; all weights are 0 if there
+    is none.
 
     Args:
         vectors: orthonormal vectors as columns, shape (m, k).
-        none: magnitude of a negative component that counts as zero, relative to the largest
-            component.
+        none: size of a negative component that counts as zero, relative to the largest one.
     """
     m, k = vectors.shape
     found = linprog(

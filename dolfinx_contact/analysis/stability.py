@@ -8,11 +8,11 @@ and v with
 
     (K + lambda C + lambda^2 M) v = B^T r
 
-with v and r in the cones of these points. K, C and M are stiffness, damping and mass, B maps
-motions to jumps at the contact points, and r are changes of the contact forces. Then the motion v
-e^{lambda t} starts arbitrarily close to the equilibrium and grows (A. P. da Costa, J. A. C.
-Martins, I. N. Figueiredo and J. J. Judice, The directional instability problem in systems with
-frictional contacts, Comput. Methods Appl. Mech. Engrg. 193, 2004).
+with v and r in the cones of these points. Here K, C and M are stiffness, damping and mass, B v the
+jumps, and r changes of contact forces. Then the motion v e^{lambda t} starts arbitrarily close to
+the equilibrium and grows (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and J. J. Judice, The
+directional instability problem in systems with frictional contacts, Comput. Methods Appl. Mech.
+Engrg. 193, 2004).
 
 If no point is at a border, the motions form a linear space: sticking points are held, and the
 remaining points are open or slide without friction. For a symmetric stiffness and dissipative
@@ -142,8 +142,8 @@ def stability_at_rest(
             slipping points are at the friction bound.
         density: positive mass density: a number, Constant, Function or UFL expression. It affects
             the label only if the stiffness is not symmetric (follower loads).
-        damping: damping time, by which the stiffness is multiplied to obtain the damping, or a UFL
-            form of the damping with a trial and a test function. Default 0.
+        damping: damping time, the ratio of damping and stiffness, or a UFL form of the damping with
+            a trial and a test function. Default 0.
         max_count: largest number of eigenproblems; if more are needed, the label is "unstable" or
             "not decided". Default 1024.
 
@@ -233,8 +233,7 @@ class _Gathered(DenseBody):
         N: rows of the normal jumps of all points, shape (m, unknowns); 0 if held by Dirichlet data.
         T: rows of the free tangents, shape (k, unknowns).
         owner: index of the point of each free tangent, shape (k,).
-        along: component d.t of the slip direction d of the point along each free tangent t, shape
-            (k,).
+        along: component d.t of the slip direction d along each free tangent t, shape (k,).
         D: rows of the slips in the direction d, restricted to free tangents, shape (m, unknowns).
         choices, friction: attributes of `_Points`, for the points of all ranks.
         held: mask of the points whose normal motion is held by Dirichlet data, shape (m,).
@@ -284,9 +283,7 @@ def _is_dissipative(body: Body) -> bool:
 
 
 def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float]) -> tuple[int, int]:
-    """Count the negative and the zero eigenvalues of a sum of stiffness, damping and mass.
-
-    Collective.
+    """Count negative and zero eigenvalues of a sum of stiffness, damping, mass. Collective.
 
     Args:
         body: stiffness, mass and damping.
@@ -406,9 +403,7 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Decide stability by examining pieces, the choices of statuses of points at a border.
-
-    The first piece has slip at all points with friction that are at a border.
+    """Decide stability from the pieces, starting with slip at all points at a border.
 
     Args:
         g: matrices and contact points.
@@ -440,9 +435,7 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
 
 
 def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
-    """Return stiffness, mass and damping on the motions of a piece, and these motions.
-
-    A piece is a choice of a status for every point. The motions are the columns of a matrix.
+    """Return stiffness, mass and damping on the motions of given statuses, and these motions.
 
     Args:
         g: matrices and contact points.
@@ -464,14 +457,7 @@ def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
 
 
 def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
-    """Search for growing motions of a piece that lie in the cones of its statuses.
-
-    A piece is a choice of a status for every point.
-
-    Args:
-        g: matrices and contact points.
-        doing: status of each point, shape (m,).
-        quiet: whether neither the stiffness nor the damping supplies energy.
+    """Search for growing motions within the cones of given statuses ``doing``.
 
     Returns:
         Largest growth rate of such a motion, 0 if none was found; and the reason why other motions
@@ -509,16 +495,7 @@ def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
 
 
 def _leaves(g: _Gathered, doing: Ints, v: Array, growth: float) -> bool:
-    """Return whether a motion and its forces lie in the cones of the points at a border.
-
-    The opposite motion is also examined.
-
-    Args:
-        g: matrices and contact points.
-        doing: status of each point, shape (m,).
-        v: motion.
-        growth: growth rate of the motion.
-    """
+    """Return whether a motion v or -v, with its forces, lies in the cones of the statuses."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]

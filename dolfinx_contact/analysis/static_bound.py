@@ -3,8 +3,8 @@ r"""Static bound of shakedown: the largest load cycle with a state at rest.
 
 The loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the load factor f. In a
 state at rest some points are closed (un = 0) with constant slips w, and the remaining points are
-open (no force). Closed points have the friction coefficient F and the prescribed bound g. All
-displacements and forces are affine in x = (w, f), and
+open (no force). Closed points have the friction coefficient F and the bound g. All displacements
+and forces are affine in x = (w, f), and
 
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
@@ -68,9 +68,8 @@ class StaticState:
         upper: upper bound of these factors; equal to `lower` in the plane, up to round-off.
         slip: constant slips of all points, shape (m, dim - 1); 0 at open points and at points
             without friction.
-        displacements: displacements at the K corners of the load cycle with the factor `lower`,
-            shape (K, m, dim).
-        forces: forces at these corners with the factor `lower`, shape (K, m, dim).
+        displacements: displacements at the K corners with the factor `lower`, shape (K, m, dim).
+        forces: forces at the K corners with the factor `lower`, shape (K, m, dim).
         opened: mask of the open points, shape (m,).
     """
 
@@ -97,9 +96,8 @@ class _Program:
             x, the vector of the n slips and the load factor, shape (K, m, dim, n + 1).
         a0, r0: displacements and forces at x = 0, shape (m, dim).
         n: number of slips.
-        around: directions in which the shear is initially bounded by F rn + g, with the normal
-            force rn, the friction coefficient F and the prescribed bound g; they are exact in the
-            plane and tangents of the discs in space.
+        around: directions in which the shear is initially bounded by F rn + g, exact in the plane
+            and tangents of the discs in space.
     """
 
     def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Mask):
@@ -163,13 +161,7 @@ class _Program:
         return StaticState(least, lower, upper, slip[:, :-1], displacements, forces, self.opened)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """Return the forces at the K corners of the load cycle, shape (K, m, dim).
-
-        Args:
-            x: slips and load factor, shape (n + 1,).
-            ray: whether x is a direction in which the factor grows without bound. The result then
-                contains the derivatives of the forces in this direction.
-        """
+        """Return the forces at the K corners, shape (K, m, dim); their rates if x is a ray."""
         return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
@@ -196,11 +188,7 @@ class _Program:
     # -- inequalities -----------------------------------------------------------------------------
 
     def _signs(self) -> Rows:
-        """Return the inequalities for the signs of normal forces and gaps.
-
-        At all corners of the load cycle, normal forces are nonnegative at closed points, and gaps
-        are nonnegative at open points.
-        """
+        """Return the inequalities rn >= 0 at closed points and un >= 0 at open ones."""
         opened, K = self.opened, len(self.a)
         normal = np.concatenate([self.r[:, ~opened, -1], self.a[:, opened, -1]], axis=1)
         least = np.concatenate([self.r0[~opened, -1], self.a0[opened, -1]])
@@ -232,8 +220,7 @@ class _Program:
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
         """Bound the load factor by tangents of the friction discs, which are added iteratively.
 
-        If the factor is unbounded, the rates of the forces must lie in discs whose radii are the
-        friction coefficients times the normal forces.
+        If it is unbounded, the rates of the forces must lie in discs without the prescribed bound.
 
         Args:
             sense: 1 for an upper bound of the largest factor, -1 for a lower bound of the smallest.
@@ -302,11 +289,10 @@ def _solved(cost: Array, rows: Rows, bounds: _Bounds, equal: Rows | None = None)
 def _optimum(
     rows: Rows, factor: int, equal: Rows | None = None, *, sense: int = 1
 ) -> tuple[Array | None, float]:
-    """Solve a linear program: maximise (sense 1) or minimise (-1) one unknown.
+    """Maximise (sense 1) or minimise (-1) the unknown with the index ``factor``.
 
-    It is the unknown with the index ``factor``, a load factor. The unknowns before it are free; it
-    and all following unknowns are nonnegative. The load factor is bounded by 1e6, because HiGHS may
-    report an unbounded program as infeasible.
+    The unknowns before it are free; it and all following unknowns are nonnegative. It is bounded by
+    1e6, because HiGHS may report an unbounded program as infeasible.
 
     Returns:
         Optimum and its value; a ray and inf if the factor is unbounded; None and -inf (maximum) or
@@ -413,13 +399,7 @@ def states_at_rest(
 
 
 def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
-    """Divide the contact points and a load by units; also return the unit of length.
-
-    Args:
-        points: contact points with their stiffness and laws.
-        load: load, shape (dim m,).
-        force: unit of force. The unit of stiffness is the mean diagonal entry of the stiffness.
-    """
+    """Scale points and load to unit force and mean stiffness; also return the unit of length."""
     unit = float(np.diag(points.S).mean())
     S, p, bound = (
         np.asarray(v, np.float64) for v in (points.S / unit, load / force, points.bound / force)
@@ -455,10 +435,7 @@ class _Search:
         return True
 
     def run(self, begin: Mask) -> None:
-        """Search until no change of one point increases the factor.
-
-        With few points, all sets of open points are tried. The search also ends at the time limit.
-        """
+        """Search until no change increases the factor, all sets are tried, or the time is over."""
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:
@@ -477,10 +454,7 @@ class _Search:
                 improved |= self._try(self.best.opened ^ (np.arange(m) == i))
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Return the intervals of load factors with a state at rest, for all sets that were tried.
-
-        Intervals that overlap or meet are merged.
-        """
+        """Return the intervals of load factors with a state at rest that were found, merged."""
         joined: list[tuple[float, float]] = []
         for a, b in sorted((s.least, s.lower) for s in self._known.values() if s.least <= s.lower):
             if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:

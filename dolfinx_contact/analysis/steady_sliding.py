@@ -3,9 +3,9 @@ r"""Stability of steady sliding: growing vibrations (squeal).
 
 A body with stiffness K, damping C and mass M slides steadily over a moving obstacle. Under
 perturbations u e^{lambda t}, closed points remain closed, and the shear remains F times the
-pressure, opposite to the slip and independent of the velocity. F is the friction coefficient. N and
-D are the rows of normal displacements and of slips in the direction of sliding at slipping points,
-and r_n are their normal forces. H are the rows of held motions (`slip`), with the forces q:
+pressure, opposite to the slip and independent of the velocity. With the friction coefficient F, N
+and D are the rows of normal displacements and of slips at slipping points, r_n their normal forces,
+and H the rows of held motions (`slip`), with the forces q:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
@@ -76,8 +76,7 @@ class SlidingModes:
             sorted by decreasing real part (growth), shape (k,).
         known_up_to: magnitude |lambda| (for the undamped body) up to which no eigenvalue is
             missing; infinite if all were computed.
-        real, imaginary: displacements of the fastest growing vibration at two instants, a quarter
-            of a period apart.
+        real, imaginary: displacements of the first vibration, a quarter of a period apart.
     """
 
     eigenvalues: Complex
@@ -177,12 +176,10 @@ class SteadySliding(ReadOnly):
         """Compute the vibrations. Collective.
 
         Args:
-            friction: friction coefficient at all slipping points; by default the coefficient of the
-                law.
+            friction: coefficient at all slipping points; by default the coefficient of the law.
 
         Raises:
-            ValueError: on every rank, if the coefficient is negative, or the law has no
-                coefficient.
+            ValueError: on every rank, if it is negative, or the law has no coefficient.
             RuntimeError: if SLEPc does not converge.
         """
         values, motions, known_up_to = self._spectrum(friction, vectors=True)
@@ -229,8 +226,7 @@ class SteadySliding(ReadOnly):
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
         """Replace the last two entries by a maximum of the growth between the last three.
 
-        This is done only if the middle one of the last three growths is the largest and the maximum
-        is positive.
+        This requires that the middle growth is the largest and the maximum is positive.
 
         Args:
             frictions: friction coefficients.
@@ -246,19 +242,13 @@ class SteadySliding(ReadOnly):
             growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
-        """Return the largest ratio of growth rate to |lambda|, less the level of round-off.
-
-        The eigenvalues lambda belong to the given friction coefficient.
-        """
+        """Return the largest ratio of growth rate to |lambda|, less the level of round-off."""
         values, _, _ = self._spectrum(friction)
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
-        """Return the onset at a critical friction coefficient.
-
-        Its frequency is computed slightly above this coefficient.
-        """
+        """Return the onset at a critical coefficient, with the frequency just above it."""
         values, _, _ = self._spectrum(friction * (1.0 + 1e-11))
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
@@ -271,8 +261,7 @@ class SteadySliding(ReadOnly):
         """Return eigenvalues by decreasing growth, and the displacements of the vibrations.
 
         Args:
-            friction: friction coefficient at all slipping points; None for the coefficient of the
-                law.
+            friction: coefficient at all slipping points; None for the coefficient of the law.
             vectors: whether displacements are needed.
 
         Returns:
@@ -302,17 +291,7 @@ class SteadySliding(ReadOnly):
     def _by_matrices(
         self, body: DenseBody, friction: Array, *, vectors: bool
     ) -> tuple[Complex, Complex]:
-        """Compute all eigenvalues lambda using dense matrices.
-
-        Args:
-            body: dense matrices of the body.
-            friction: friction coefficients of the slipping points of this rank.
-            vectors: whether displacements are needed.
-
-        Returns:
-            Eigenvalues, shape (k,); and the displacements of the vibrations on this rank, shape
-            (n, k), or (n, 0) if they are not needed.
-        """
+        """Return all eigenvalues, and displacements on this rank, shape (n, k) or (n, 0)."""
         eta = self._body.eta
 
         def solved(friction: Array) -> tuple[Complex, Complex]:

@@ -183,10 +183,9 @@ def event_curves(
 
 
 def _borders(points: GatheredPoints, branch: Branch, *, folds_only: bool) -> list[Codes]:
-    """Return the statuses at the events of a branch where one contact point changes.
+    """Return the statuses at the events of a branch where one point changes. Collective.
 
-    Collective. The code of this point denotes the border between its two statuses. Events at which
-    several points change are omitted.
+    The code of this point denotes its border; events at which several points change are omitted.
     """
     found = []
     for special in branch.folds if folds_only else branch.special:

@@ -77,10 +77,7 @@ class Body:
         return count_of(self.eq.comm, self.free)
 
     def scale(self, A: PETSc.Mat) -> float:
-        """Return the largest ratio of diagonal entries of a matrix and the mass matrix.
-
-        The entries of all ranks are compared. Collective.
-        """
+        """Return the largest ratio of diagonal entries of a matrix and the mass. Collective."""
         a, m = (np.abs(X.getDiagonal().array_r[self.free]) for X in (A, self.M))
         return maximum(self.eq.comm, a / m)
 
@@ -99,8 +96,8 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         eq: contact problem.
         u: displacement, values of all local and ghost degrees of freedom.
         density: mass density: a number, Constant, Function or UFL expression.
-        damping: damping time, by which the stiffness is multiplied to obtain the damping, or a UFL
-            form of the damping with a trial and a test function.
+        damping: damping time, the ratio of damping and stiffness, or a UFL form of a trial and a
+            test function.
 
     Raises:
         ValueError: on every rank, if density or damping is not valid.
@@ -162,15 +159,11 @@ class DenseBody:
     def projected(
         self, held: Array, forces: Array | None = None
     ) -> tuple[Array, Array, Array | None, Array]:
-        """Return stiffness, mass and damping projected onto unconstrained motions.
+        """Return stiffness, mass, damping (or None) projected onto the motions Z, and Z itself.
 
         Args:
-            held: rows of the held motions, shape (k, n).
+            held: rows of the held motions, ``held`` Z = 0, shape (k, n).
             forces: rows along which the constraint forces act, shape (k, n); by default ``held``.
-
-        Returns:
-            Stiffness, mass, damping (None if it is proportional to the stiffness), and the motions
-            as columns of a matrix Z with ``held`` Z = 0.
         """
         Z = _null_space(held)
         Y = Z if forces is None else _null_space(forces)
@@ -180,14 +173,10 @@ class DenseBody:
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """Return the eigenvalues lambda of a damped body, shape (2 k,).
+    """Return both roots lambda of lambda^2 + eta mu lambda + mu = 0 for k values mu.
 
-    They are both roots of lambda^2 + eta mu lambda + mu = 0 for each of k eigenvalues mu of the
-    undamped body. The first roots of all mu precede the second ones.
-
-    Args:
-        mu: eigenvalues of the undamped body, shape (k,).
-        eta: damping time, the ratio of damping and stiffness.
+    mu are the eigenvalues of the undamped body, eta is the damping time, the ratio of damping and
+    stiffness. The first roots of all mu precede the second ones, shape (2 k,).
     """
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
@@ -200,19 +189,15 @@ def damped(mu: Complex, eta: float) -> Complex:
 def first_order(K: Array, C: Array) -> Array:
     """Return the matrix with the eigenvalues lambda of (K + lambda C + lambda^2) x = 0.
 
-    K is the stiffness and C the damping, for a unit mass matrix, shape (n, n). The eigenvectors of
-    the result are (x, lambda x), shape (2 n,).
+    K and C are stiffness and damping for unit mass; eigenvectors are (x, lambda x), shape (2 n,).
     """
     return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis of the null space of a matrix, shape (n, n - m).
+    """Return an orthonormal basis of the null space of ``rows``, as columns, shape (n, n - m).
 
-    The columns are the vectors of the basis.
-
-    Args:
-        rows: matrix with linearly independent rows, shape (m, n).
+    The rows, shape (m, n), are linearly independent.
     """
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]

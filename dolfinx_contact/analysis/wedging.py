@@ -7,12 +7,11 @@ r = (rt, rn) if
 
     S u = r,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn,
 
-for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). F is the
-friction coefficient. The infimum of F over these states depends only on the body and its contact
-surface. The problem is homogeneous and is scaled to sum rn = 1. With the flexibility G = S^-1 and
-the extreme forces of the friction cones as rays ((F, 1) and (-F, 1) in 2D), a state is given by
-weights alpha >= 0 with sum 1 and un = G_n r >= 0. At every point either alpha = 0 (open) or un = 0
-(closed).
+for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). The infimum of
+the coefficient F over these states depends only on the body and its contact surface. The problem is
+homogeneous and is scaled to sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the
+friction cones as rays ((F, 1) and (-F, 1) in 2D), a state is given by weights alpha >= 0 with sum 1
+and un = G_n r >= 0. At every point either alpha = 0 (open) or un = 0 (closed).
 
 For one F, branch and bound searches over the statuses. A region of statuses is empty if
 
@@ -169,11 +168,9 @@ def _scales(S: Array, dim: int) -> Array:
 class _Rays(NamedTuple):
     """Normal displacements caused by the extreme forces of the friction cones.
 
-    The extreme forces are K rays per point. A state is given by their weights.
-
     Attributes:
-        M: matrix that maps the weights to the normal displacements, with each row scaled to a
-            maximum of 1, shape (m, m K).
+        M: matrix that maps the weights of K extreme forces per point to normal displacements, with
+            each row scaled to a maximum of 1, shape (m, m K).
         off: error bounds of these displacements for all weights with sum 1, shape (m,).
         opens: mask of the points that can be open, shape (m,).
     """
@@ -227,21 +224,14 @@ class _Program(Tableau):
         self._opens = rays.opens
 
     def hold(self, statuses: Ints) -> None:
-        """Set the bounds of the variables for a region.
-
-        Args:
-            statuses: statuses of the points in the region, shape (m,).
-        """
+        """Set the bounds of the variables from the statuses of a region, shape (m,)."""
         self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
         self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
         every = np.arange(self.n)
         self._set(every, np.where(self._costs < 0, self._up[self._nonbasic], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
-        """Return multipliers that show that the program is infeasible, or None.
-
-        They are y, shape (m,), and lambda in the notation of the module.
-        """
+        """Return multipliers y, shape (m,), and lambda if the program is infeasible, or None."""
         v = self._repair()
         if v is None:
             return None
@@ -250,10 +240,7 @@ class _Program(Tableau):
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Sum of weights and normal displacement of each point at the current vertex.
-
-        Shape (m,) each.
-        """
+        """Sum of weights and normal displacement of each point at the vertex, shape (m,) each."""
         x = self._all_values
         return x[: self.n].reshape(self.m, -1).sum(axis=1), x[self.n : self.n + self.m]
 
@@ -268,8 +255,7 @@ class _Search:
         tried: friction coefficient F, just below the smallest one found, at which regions are
             examined.
         best: forces of the state with the smallest F so far, shape (dim m,); None if there is none.
-        closed: mask of the points that are closed in the state with the smallest F so far, shape
-            (m,).
+        closed: mask of the closed points in this state, shape (m,).
         complete: whether the search was completed.
         regions: number of examined regions.
     """
@@ -310,10 +296,7 @@ class _Search:
         self.complete = not waiting and not self._doubtful
 
     def _descend(self) -> None:
-        """Find a small friction coefficient with which the body stays wedged.
-
-        The search begins with all points closed and changes the status of one point at a time.
-        """
+        """Find a small initial F by changing one point at a time, from all points closed."""
         self._lower(np.ones(self.m, dtype=bool))
         improved = self.best is not None
         while improved and time.monotonic() < self._end:
@@ -365,13 +348,7 @@ class _Search:
         return parts
 
     def _is_empty(self, statuses: Ints, y: Array, lam: float) -> bool:
-        """Return whether multipliers prove that a region has no state, despite round-off.
-
-        Args:
-            statuses: statuses of the region, shape (m,).
-            y: multipliers of the points, shape (m,), see `_Program.empty`.
-            lam: multiplier lambda of the sum of weights.
-        """
+        """Return whether the multipliers y, shape (m,), and lambda prove that a region is empty."""
         M, off, opens = self._rays
         for z, k in ((y, lam), (-y, -lam)):
             of_open = np.minimum(z, 0.0) * opens
@@ -386,10 +363,7 @@ class _Search:
         return False
 
     def _lower(self, closed: Mask) -> bool:
-        """Compute the smallest friction coefficient for a set of closed points.
-
-        Return whether it is a new minimum.
-        """
+        """Compute the smallest F for a set of closed points; return whether F is a new minimum."""
         least = self._least_of(closed)
         if least is None or not least[0] < self._reached:
             return False
@@ -410,8 +384,7 @@ class _Search:
     def _least_of(self, closed: Mask) -> tuple[float, Array] | None:
         """Return the smallest F of a state with given closed points, and the forces in the state.
 
-        The forces have the shape (dim m,). The result is None if the smallest F with these closed
-        points is not below the smallest F so far.
+        The forces have shape (dim m,). None if this F is not below the smallest F so far.
         """
         places = np.flatnonzero(closed)
         d, k, sides = self.dim, len(places), len(self._facets)
@@ -425,12 +398,7 @@ class _Search:
         forces: dict[float, Array] = {}
 
         def excess(F: float) -> float:
-            """Return the smallest violation of the friction law with the coefficient F.
-
-            It is the minimum, over the states with the given closed points, of the largest
-            |rt| - F rn of a point, where rt and rn are its tangential and normal forces; infinite
-            if there is no state.
-            """
+            """Return the minimum over states of the largest |rt| - F rn; inf without a state."""
             A = upper.copy()
             A[: len(facets)] -= F * press
             found = linprog(
@@ -456,10 +424,7 @@ class _Search:
         return F, whole
 
     def _root(self, excess: Callable[[float], float]) -> float:
-        """Return the root of a decreasing function of the friction coefficient F.
-
-        It lies between 0 and the smallest F so far.
-        """
+        """Return the root of a decreasing function between 0 and the smallest F so far."""
         top = self._reached
         if excess(top) >= 0:
             return top
