@@ -142,12 +142,7 @@ def _on_points(
 ) -> None:
     """Solve the reduced problem on rank 0 and write the solution into ``x``. Collective.
 
-    Args:
-        algorithm: algorithm with its options.
-        reduction: reduction of the contact problem to its contact points.
-        equations: contact problem.
-        x: vector of unknowns; its forces are the initial guess.
-        attempt: record of the attempt, completed by this function.
+    The forces in ``x`` are the initial guess; the record ``attempt`` is completed.
     """
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
     scales = scales_at(equations, x)

@@ -4,9 +4,9 @@ r"""Write and read reduced problems: npz, and FCLib's HDF5 format for other prog
 An npz file holds the arrays of a `PointProblem` under the names of its arguments, and ``format``.
 
 FCLib (Acary, Bremond, Koziara and Perignon, FCLIB: a collection of discrete 3D frictional contact
-problems, INRIA RT-0444, 2014) states the problem as u = W r + q, with the displacements u, the
-compliance W, the forces r and the displacements q without forces, in the frame of each contact with
-the normal first. With k contacts of dim components each, the datasets are
+problems, INRIA RT-0444, 2014) states the problem as u = W r + q with displacements u, compliance W,
+forces r, and displacements q without forces, in the frame of each contact, normal first. With k
+contacts of dim components, the datasets are
 
     /fclib_local/spacedim              2 or 3
     /fclib_local/W/{m, n, nzmax, nz}   rows, columns, entries, and -2 for compressed rows

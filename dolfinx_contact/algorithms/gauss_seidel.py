@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonsmooth Gauss-Seidel with over-relaxation and projection (SORP), point by point.
 
-A sweep visits all contact points. The contact problem of each point i is solved exactly for its
-displacement a_i* and force r_i* while the other points are fixed. Its free components are
-over-relaxed with the factor omega,
+A sweep visits all contact points. The contact problem of each point i is solved exactly for
+displacement a_i* and force r_i* while the other points are fixed, and the free components are
+over-relaxed by the factor omega,
 
     a_i <- a_i + omega (a_i* - a_i),   S_ii a_i* = r_i* + p_i - sum_{j != i} S_ij a_j,
 
-where S_ij are blocks of the stiffness and p_i is the load. Sticking points keep zero slip, and
-points in contact remain on the obstacle (Raous, Chabrand and Lebon, J. Mec. Theor. Appl. 7 suppl.
-1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Sweeps stop when the relative residual is below
-the tolerance. For large friction they may cycle or diverge.
+with blocks S_ij of the stiffness and the load p_i. Sticking points keep zero slip, and points in
+contact remain on the obstacle (Raous, Chabrand and Lebon, J. Mec. Theor. Appl. 7 suppl. 1, 1988;
+Jourdan, Alart and Jean, CMAME 155, 1998). Sweeps stop when the relative residual is below the
+tolerance. For large friction they may cycle or diverge.
 """
 
 from __future__ import annotations

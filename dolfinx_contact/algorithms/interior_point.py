@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Primal-dual interior-point method for the mixed complementarity problem, in 2D and 3D.
 
-Let a = (at, un) be the displacements of a point, r = (rt, rn) its contact forces, b its friction
-bound, and l and s multipliers and slacks of friction. Signorini's and Coulomb's conditions are
+With displacements a = (at, un), contact forces r = (rt, rn), and multipliers l and slacks s of
+friction, Signorini's and Coulomb's conditions at a point are
 
     y = un >= 0 complementary to rn >= 0,    s >= 0 complementary to l >= 0,
     at + sum_j l_j n_j = 0,
@@ -10,14 +10,14 @@ bound, and l and s multipliers and slacks of friction. Signorini's and Coulomb's
 
 where n_j are outward vectors in the friction disc, F the friction coefficient and g a prescribed
 bound. The forces r are the unknowns, and a = A r + c with the compliance A and the displacements c
-without contact. On the central path, the complementarity products equal a parameter mu instead of
-0. Newton's method follows this path while mu decreases, with Mehrotra's predictor and corrector
-(SIAM J. Optim. 2, 1992) and steps ending before the boundary.
+without contact. On the central path, the complementarity products equal mu instead of 0. Newton's
+method follows this path while mu decreases, with Mehrotra's predictor and corrector (SIAM J. Optim.
+2, 1992) and steps ending before the boundary.
 
 For F = 0 (Tresca's problem) the method is the convex primal-dual method with its convergence
 theory. No theory is available for Coulomb's law: for large F the path may turn back, and the method
-then finds no solution. The method stops when the relative residual of Coulomb's law is below the
-tolerance. Of an initial guess, only the normal forces are used, and small ones are increased.
+then fails. The method stops when the relative residual of Coulomb's law is below the tolerance. Of
+an initial guess, only the normal forces are used, and small ones are increased.
 """
 
 from __future__ import annotations
@@ -117,13 +117,10 @@ class _Interior:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
-        """Return the k friction slacks of each point and their derivatives.
-
-        A slack measures the distance of the shear rt from the friction bound.
+        """Return the k friction slacks (distances of rt from the bound) and their derivatives.
 
         Returns:
-            Slacks s, shape (m, k); derivatives -ds/drt, shape (m, k, dim - 1); and derivatives
-            ds/drn with respect to the normal force, shape (m, k).
+            Slacks s, shape (m, k); -ds/drt, shape (m, k, dim - 1); and ds/drn, shape (m, k).
         """
         rt = self._r[:, :-1]
         radius = self._radius[:, None]
@@ -164,8 +161,7 @@ class _Interior:
     def _linearise(self) -> None:
         """Eliminate slacks and multipliers from the Newton equations.
 
-        The remaining matrix is the compliance plus a block-diagonal matrix with one block per
-        point.
+        The remaining matrix is the compliance plus one diagonal block per point.
         """
         m, d = self._r.shape
         _, self._out, self._by_rn = self._slacks()
@@ -242,11 +238,8 @@ class _Interior:
     def _longest(self, direction: _Direction, boundary: float) -> float:
         """Return the length of a step: a fraction of the distance to the boundary, at most 1.
 
-        The boundary is reached when a normal force, gap, multiplier or slack vanishes.
-
-        Args:
-            direction: changes of forces, gaps, multipliers and slacks.
-            boundary: fraction of the distance, between 0 and 1.
+        At the boundary a normal force, gap, multiplier or slack vanishes; ``boundary`` is the
+        fraction.
         """
         dr, dy, dl, ds = direction
         part = 1.0

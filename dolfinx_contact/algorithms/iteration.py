@@ -234,13 +234,7 @@ class Algorithm:
         return iteration.outcome
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        """Iterate until ``iteration.stops`` returns True; implemented by each algorithm.
-
-        Args:
-            contact: reduced problem.
-            r: initial contact forces, shape (m, dim).
-            iteration: monitor that receives every iterate.
-        """
+        """Iterate from the forces ``r``, shape (m, dim), until ``iteration.stops`` returns True."""
         raise NotImplementedError
 
     def described(self) -> str:

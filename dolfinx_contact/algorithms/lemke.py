@@ -2,14 +2,13 @@
 r"""Lemke's method for Coulomb friction as a linear complementarity problem.
 
 The reduced problem is S a = r + p with a positive definite stiffness S, the load p, displacements
-a = (ut, un) of the contact points and forces r = (rt, rn) on the body. The friction bound is
-F rn + g with the friction coefficients F and prescribed bounds g. With the compliance A = S^{-1}
-and c = A p, friction acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k
-equally spaced directions in 3D, where the friction disc is replaced by an inscribed regular polygon
-with k corners. The polygon reduces the friction bound by up to O(1/k^2); slip directions have an
-error of up to pi/k, and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where
-l is the magnitude of the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z
-complementary to z >= 0,
+a = (ut, un) of the contact points and forces r = (rt, rn) on the body. With the compliance
+A = S^{-1}, c = A p, and the friction bound F rn + g (coefficients F, prescribed bounds g), friction
+acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equally spaced directions
+in 3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The
+polygon reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k,
+and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of
+the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z complementary to z >= 0,
 
     un = A_nn rn + A_nt sum_j b_j d_j + c_n    complementary to rn,
     l + d_j.ut                                 complementary to b_j,
@@ -69,10 +68,7 @@ _LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejecte
 
 
 class RayTermination(ArithmeticError):
-    """Error raised if Lemke's method fails.
-
-    It ended in a ray, took too many pivots, or its result is spoiled by round-off.
-    """
+    """Error raised if Lemke's method ends in a ray, after too many pivots, or by round-off."""
 
 
 @dataclass(frozen=True)
@@ -119,10 +115,10 @@ class Lemke(Algorithm):
 def coulomb_by_lemke(
     S: Array, p: Array, friction: Array, *, bound: Array | None = None
 ) -> tuple[Array, int]:
-    """Return a solution of a reduced contact problem with Coulomb friction in 2D.
+    """Return a solution of S a = r + p with Coulomb friction in 2D.
 
-    The problem is S a = r + p for displacements a = (ut, un) and forces r = (rt, rn). A solution
-    exists for every friction coefficient; the module contains a proof.
+    Displacements a = (ut, un) and forces r = (rt, rn) exist for every friction coefficient; the
+    module contains a proof.
 
     Args:
         S: positive definite reduced stiffness, ordered (ut, un) point by point, shape (2 m, 2 m).
@@ -231,9 +227,7 @@ def forces_by_lemke(
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
-    """Solve a linear complementarity problem by Lemke's method with the lexicographic rule.
-
-    The problem is z >= 0, q + M z >= 0, z.(q + M z) = 0.
+    """Solve z >= 0, q + M z >= 0, z.(q + M z) = 0 by Lemke's lexicographic method.
 
     Args:
         M: square matrix, shape (n, n).
@@ -265,11 +259,10 @@ def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, 
 
 
 class _Tableau:
-    """Tableau of Lemke's method for w = q + M z >= 0, solved for the basic variables.
+    """Lemke's tableau of w - M z - z_0 (1, ..., 1) = q, solved for the basic variables.
 
-    With the artificial variable z_0, the equations are w - M z - z_0 (1, ..., 1) = q. The n
-    variables w have the numbers 0 to n - 1, the n variables z the numbers n to 2 n - 1, and z_0 has
-    the number 2 n.
+    The n variables w have the numbers 0 to n - 1, the n variables z the numbers n to 2 n - 1, and
+    the artificial variable z_0 has the number 2 n.
     """
 
     def __init__(self, M: Array, q: Array):
@@ -299,8 +292,7 @@ class _Tableau:
     def covers(self) -> bool:
         """Return True if the artificial variable z_0 is positive beyond round-off.
 
-        The basis is then not a solution. In a tie, round-off may keep z_0 in the basis although its
-        value is zero.
+        The basis is then not a solution. In a tie, round-off may keep a zero z_0 in the basis.
         """
         self._refresh()
         known = np.abs(self.values).max(initial=np.abs(self._q).max())
@@ -393,11 +385,10 @@ def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
 def copositive_form(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Return matrix M and vector q of the complementarity problem of frictional contact.
+    """Return M and q of the complementarity problem 0 <= z, 0 <= q + M z of the module.
 
-    The conditions are z >= 0, q + M z >= 0 and z.(q + M z) = 0. The unknowns z are the normal
-    forces, the friction forces in the k directions point by point, and the magnitudes of the slips
-    (see the module).
+    The unknowns z are normal forces, friction forces in the k directions point by point, and
+    magnitudes of slips.
 
     Args:
         A: compliance, shape (dim m, dim m).

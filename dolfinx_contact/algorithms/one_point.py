@@ -2,12 +2,12 @@
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
 The problem is S a = r + b with the stiffness S (dim, dim), the displacement a = (at, an), the force
-r = (rt, rn) and a load b containing the coupling to the other, fixed points. F is the friction
-coefficient, g a prescribed friction bound. The statuses are tried in the order open, stick, slip.
-Slip means rt = -mu at with a factor mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for a
-slipping point in contact, where St and bt are the tangential parts of S and b. In 2D each sense of
-slip has an explicit solution. In 3D, mu is the root of a scalar equation in the eigenvectors of St,
-computed up to round-off by Newton's method safeguarded by bisection.
+r = (rt, rn) and a load b containing the coupling to the other, fixed points. The friction bound is
+F rn + g, with the coefficient F and a prescribed bound g. The statuses are tried in the order open,
+stick, slip. Slip means rt = -mu at with mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for
+a slipping point in contact, with the tangential parts St and bt. In 2D each sense of slip has an
+explicit solution. In 3D, mu is the root of a scalar equation in the eigenvectors of St, computed up
+to round-off by Newton's method safeguarded by bisection.
 
 A solution exists for every F (`lemke`). The first of several solutions is returned. In 3D with
 positive g and large F, the computed slip may violate the law; Gauss-Seidel then does not converge.
@@ -80,8 +80,8 @@ class OnePoint:
 class _SlipInPlane:
     """Solver for the slip a in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g.
 
-    The numbers S and c are stiffnesses: a slip a causes the shear S a and the normal force c a. b
-    is the tangential load, and -n is the normal force without slip.
+    A slip a causes the shear S a and the normal force c a; b is the tangential load, -n the normal
+    force without slip.
     """
 
     def __init__(self, S: Array, coupling: Array):
@@ -89,15 +89,10 @@ class _SlipInPlane:
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip of the point.
+        """Return the slip under a tangential load b and a normal load n.
 
-        Slips to both sides are computed; the one with the smaller violation of the law is returned.
-
-        Args:
-            b: tangential load.
-            n: normal load.
-            F: friction coefficient.
-            g: prescribed friction bound.
+        The friction bound has the coefficient F and the prescribed part g. Slips to both sides are
+        computed; the one with the smaller violation of the law is returned.
         """
         best = 0.0
         least = inf
@@ -116,8 +111,7 @@ class _SlipInPlane:
 class _SlipInSpace:
     """Solver for the slip a in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g.
 
-    The symbols have the meaning of `_SlipInPlane`; S is a matrix, shape (2, 2), and a, b and c are
-    vectors. The equation is solved in the eigenvectors of S.
+    As `_SlipInPlane`, in the eigenvectors of the matrix S, shape (2, 2), with vectors a, b and c.
     """
 
     def __init__(self, S: Array, coupling: Array):
@@ -129,13 +123,9 @@ class _SlipInSpace:
         self._coupling = float(turned[0]), float(turned[1])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip of the point.
+        """Return the slip under a tangential load b and a normal load n.
 
-        Args:
-            b: tangential load.
-            n: normal load.
-            F: friction coefficient.
-            g: prescribed friction bound.
+        The friction bound has the coefficient F and the prescribed part g.
         """
         v00, v01 = self._first
         v10, v11 = self._second

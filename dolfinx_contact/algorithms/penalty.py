@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Penalty method with extrapolation to infinite stiffness.
 
-The contact laws are replaced by the penalised laws r = Pi(-k a) for the forces r and displacements
-a, with a penalty stiffness k and the projection Pi onto admissible forces. Bodies then penetrate
-and sticking points slip by r/k, so that the solution has an error of O(1/k). The penalised problems
-for k_0, 2 k_0, 4 k_0, ... are solved by Newton's method and extrapolated to 1/k = 0 by Neville's
-polynomials in 1/k. The observed order of convergence, log2 |x_1 - x_2|/|x_2 - x_3| for three
-successive solutions x_1, x_2 and x_3, is 1 as soon as the statuses no longer change (Wriggers,
-Computational Contact Mechanics, 2006). The method stops when the extrapolated state satisfies the
-exact laws up to `Penalty.accuracy`. It fails if Newton's method does not solve a penalised problem.
+With the penalised laws r = Pi(-k a) for forces r and displacements a, with a stiffness k and the
+projection Pi onto admissible forces, bodies penetrate and sticking points slip by r/k, so that the
+solution has an error of O(1/k). The penalised problems for k_0, 2 k_0, 4 k_0, ... are solved by
+Newton's method and extrapolated to 1/k = 0 by Neville's polynomials in 1/k. The observed order of
+convergence, log2 |x_1 - x_2|/|x_2 - x_3| for three successive solutions, is 1 as soon as the
+statuses no longer change (Wriggers, Computational Contact Mechanics, 2006). The method stops when
+the extrapolated state satisfies the exact laws up to `Penalty.accuracy`. It fails if Newton's
+method does not solve a penalised problem.
 """
 
 from __future__ import annotations
@@ -76,11 +76,7 @@ class Penalty(Algorithm):
 
 
 def _limit(states: list[Array]) -> Array:
-    """Extrapolate solutions of penalised problems to infinite stiffness by Neville's scheme.
-
-    Args:
-        states: solutions for the stiffnesses k, 2 k, 4 k, ...
-    """
+    """Extrapolate states for the stiffnesses k, 2 k, 4 k, ... to 1/k = 0 by Neville's scheme."""
     column = states
     for j in range(1, len(states)):
         weight = 2.0**j

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Projected conjugate gradients on the contact forces, with updates of the friction bounds.
 
-For prescribed friction bounds g, the contact forces r = (rt, rn) minimise the energy
-q(r) = r.A r/2 + c.r subject to rn >= 0 and |rt| <= g. A is the compliance, and c are the
-displacements without contact. The gradient of q is the displacement a = A r + c. There are three
-kinds of steps (Dostal and Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek,
-Math. Program. 135, 2012):
+For prescribed friction bounds g, the contact forces r = (rt, rn) minimise q(r) = r.A r/2 + c.r
+subject to rn >= 0 and |rt| <= g. The gradient is the displacement a = A r + c with the compliance A
+and the displacements c without contact. There are three kinds of steps (Dostal and Schoeberl,
+Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Program. 135, 2012):
 
 1. a conjugate gradient step on the forces inside their bounds (free gradient);
 2. if it would leave the feasible set, a step to the boundary and a projected gradient step;
-3. if the part of the projected gradient at forces on their bounds (chopped gradient) outweighs the
-   free gradient, a projected gradient step.
+3. if the chopped gradient (of forces on their bounds) outweighs the free gradient, a projected
+   gradient step.
 
 The energy decreases in every step. Between two updates of the friction bounds the projected
 gradient decreases by a factor of 1000. The iteration stops when the relative residual of Coulomb's
@@ -149,10 +148,7 @@ class _GivenBound:
             self._expand()
 
     def _expand(self) -> None:
-        """Perform a projected gradient step, which decreases the energy.
-
-        Its length is the reciprocal of the largest eigenvalue of the compliance.
-        """
+        """Perform a projected gradient step of length 1/|A|, which decreases the energy."""
         self.r = self._projected(self.r - self.a / self._contact.longest)
         self._refresh()
 

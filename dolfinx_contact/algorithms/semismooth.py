@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Semismooth Newton method for the reduced problem, with exact or regularised contact laws.
 
-Let r be the contact forces, a the displacements and k > 0 a stiffness. With the projection Pi onto
-admissible forces (`PointProblem.allowed`), the exact laws are r = Pi(r - k a). With a fixed force l
-they become the compliant laws r = Pi(l - k a): l = 0 is a penalty method with stiffness k, and an
-estimate l of the contact force gives the augmented Lagrangian method (`uzawa`). A nonmonotone line
-search shortens steps whose residual norm exceeds the largest of the last five (Grippo, Lampariello
-and Lucidi, SIAM J. Numer. Anal. 23, 1986).
+With the projection Pi onto admissible forces (`PointProblem.allowed`), the exact laws for forces r
+and displacements a are r = Pi(r - k a), k > 0. With a fixed force l they become the compliant laws
+r = Pi(l - k a): l = 0 is a penalty method with stiffness k, and an estimate l of the contact force
+gives the augmented Lagrangian method (`uzawa`). A nonmonotone line search shortens steps whose
+residual norm exceeds the largest of the last five (Grippo, Lampariello and Lucidi, SIAM J. Numer.
+Anal. 23, 1986).
 
 `SemismoothNewton` takes the full steps of Alart and Curnier (CMAME 92, 1991) until the relative
 residual of the laws is below the tolerance. It fails if the statuses repeat in a cycle or do not
@@ -75,13 +75,13 @@ def solve_semismooth(
 ) -> tuple[Array, int, bool]:
     """Solve the exact or compliant contact laws by a damped semismooth Newton method.
 
-    With the projection Pi onto admissible forces, the forces are r = Pi(r - k a) under the exact
-    laws and r = Pi(l - k a) under compliant laws with fixed forces l.
+    With the projection Pi onto admissible forces, the exact laws are r = Pi(r - k a), the compliant
+    laws r = Pi(l - k a) with fixed forces l.
 
     Args:
         contact: reduced problem.
         a: initial displacements, shape (m, dim).
-        held: fixed forces l of the compliant laws, shape (m, dim); None for the exact laws.
+        held: fixed forces l, shape (m, dim); None for the exact laws.
         stiffness: stiffness k, shape (m,); by default the augmentation of the problem.
         tolerance: largest residual force, relative to the largest force.
         most: maximum number of steps.
@@ -118,10 +118,9 @@ def solve_yielding(
 ) -> tuple[Array, int, bool]:
     """Solve compliant contact laws; after a cold start, increase their stiffness gradually.
 
-    With the projection Pi onto admissible forces and fixed forces l, the forces are
-    r = Pi(l - k a). If the initial state penetrates the obstacle deeply, stiff contact makes slips
-    oscillate. If Newton's method fails for a stiffness, a value between this one and the last
-    successful one is tried first.
+    The laws are r = Pi(l - k a) with the projection Pi onto admissible forces. If the initial state
+    penetrates the obstacle deeply, stiff contact makes slips oscillate. If Newton's method fails
+    for a stiffness, a value between this one and the last successful one is tried first.
 
     Args:
         contact: reduced problem.
@@ -153,9 +152,8 @@ def solve_yielding(
 def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> tuple[Array, Array]:
     """Return the residual of the contact laws and the argument of the projection.
 
-    The residual is r - Pi(s) with the forces r at the displacements ``a`` and the projection Pi
-    onto admissible forces. The argument s is r - k a for the exact laws, and ``held`` - k a for the
-    compliant laws.
+    The residual is r - Pi(s) with the forces r = S a - p and the projection Pi onto admissible
+    forces; s is r - k a for the exact laws, ``held`` - k a for the compliant laws.
     """
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Uzawa's method: projected gradient iteration on the contact forces as multipliers.
 
-Each iteration solves equilibrium for the displacements a under the contact forces r = (rt, rn) and
-updates r <- Pi(r - rho a) with a step length rho and the projection Pi onto rn >= 0 and the
-friction disc (Arrow, Hurwicz and Uzawa, Studies in Linear and Non-linear Programming, 1958). It is
-a gradient method for the dual problem. With steps rho < 2/|A|, where A is the compliance, it
-converges for small friction. The augmented Lagrangian method solves equilibrium with the compliant
-laws r = Pi(l - rho a) about the last forces l by Newton's method (`semismooth`). It converges for
-any rho > 0, in few iterations if rho is large (Simo and Laursen, Comput. Struct. 42, 1992). Both
-stop when the relative residual of the exact laws is below the tolerance. For large friction the
-forces may cycle or diverge; the augmented method also fails if Newton's method does not solve the
-compliant laws.
+Each iteration solves equilibrium for the displacements a under the forces r = (rt, rn) and updates
+r <- Pi(r - rho a) with the projection Pi onto rn >= 0 and the friction disc (Arrow, Hurwicz and
+Uzawa, Studies in Linear and Non-linear Programming, 1958). It is a gradient method for the dual
+problem. With steps rho < 2/|A|, where A is the compliance, it converges for small friction. The
+augmented Lagrangian method solves equilibrium with the compliant laws r = Pi(l - rho a) about the
+last forces l by Newton's method (`semismooth`). It converges for any rho > 0, in few iterations if
+rho is large (Simo and Laursen, Comput. Struct. 42, 1992). Both stop when the relative residual of
+the exact laws is below the tolerance. For large friction the forces may cycle or diverge; the
+augmented method also fails if Newton's method does not solve the compliant laws.
 """
 
 from __future__ import annotations
@@ -39,9 +38,8 @@ class Uzawa(Algorithm):
     """Uzawa's method; one iteration solves equilibrium once.
 
     Attributes:
-        step: factor on the automatic step length. With the augmentation k of Newton's method and
-            the compliance A, the automatic step length is 1.6 k / |k^(1/2) A k^(1/2)|, or 100 k if
-            ``augmented``.
+        step: factor on the automatic step length, 1.6 k / |k^(1/2) A k^(1/2)| with the augmentation
+            k of Newton's method and the compliance A, or 100 k if ``augmented``.
         augmented: whether to use the augmented Lagrangian method.
     """
 
