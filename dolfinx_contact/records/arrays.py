@@ -68,13 +68,9 @@ def load(file: Path, recorded: str) -> Arrays:
 
 
 def check(file: Path, recorded: str) -> None:
-    """Raise `DamagedFile` if a file is missing or has a different fingerprint.
+    """Raise `DamagedFile` if a file is missing or its fingerprint is not ``recorded``.
 
     Call it on one rank.
-
-    Args:
-        file: path of the file.
-        recorded: fingerprint that is stored in the journal.
     """
     if not file.is_file():
         raise DamagedFile(f"{file} is missing")

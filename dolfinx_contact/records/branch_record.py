@@ -206,15 +206,7 @@ class BranchRecord(Record[Journal]):
             self._append({"type": "explored", **vars(ended)})
 
     def _write_point_fields(self, name: str, point: BranchPoint) -> dict[str, str]:
-        """Write a checkpoint of a point. Collective.
-
-        Args:
-            name: name of the file.
-            point: point of a branch.
-
-        Returns:
-            Journal items with the name and the fingerprint of the file.
-        """
+        """Write a checkpoint of a point; return its name and fingerprint. Collective."""
         arrays = self._states.of_vectors(self._entries.split(point))
         keys = self._write_arrays("checkpoint", name, arrays)
         self._entries.put(point)  # observers are called with the point in the problem
@@ -223,10 +215,9 @@ class BranchRecord(Record[Journal]):
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
-        """Return the last point of a branch that has a checkpoint, and its step data.
+        """Return the last point of a branch with a checkpoint, and its step data. Collective.
 
-        Collective. None if there is no checkpoint. A corrupt checkpoint is skipped, with a warning
-        in the log.
+        None if there is none. A corrupt checkpoint is skipped, with a warning in the log.
 
         Raises:
             ValueError: on every rank, if all checkpoints are corrupt.
@@ -237,13 +228,7 @@ class BranchRecord(Record[Journal]):
         return self._last_undamaged(known.kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """Return a recorded point, and the step data for its continuation. Collective.
-
-        The point contains the unknowns and the tangent.
-
-        Args:
-            branch: number of the branch.
-            index: number of the point on the branch.
+        """Return a point with unknowns and tangent, and its data for continuation. Collective.
 
         Raises:
             ValueError: on every rank, if the point has no checkpoint, or the checkpoint is corrupt.

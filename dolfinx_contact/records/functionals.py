@@ -55,11 +55,7 @@ def leftmost(quantity: Quantity, surface: str | None = None) -> Functional:
 
 
 def rightmost(quantity: Quantity, surface: str | None = None) -> Functional:
-    """Create a functional: value of a quantity at the rightmost contact point of a surface.
-
-    This is the last point in the order of `ContactTable`: by x, then y, then z. Arguments and
-    errors are as in `leftmost`.
-    """
+    """Create a functional: value of a quantity at the rightmost contact point; see `leftmost`."""
     return _of_table(quantity, surface, lambda values, _: float(values[-1]))
 
 
@@ -80,13 +76,7 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> Function
 
 
 def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], float]) -> Functional:
-    """Create a functional from a function of a contact table.
-
-    Args:
-        quantity: column of the table: "un", "ut", "rn" or "rt".
-        surface: name of the surface; None for the first surface of the problem.
-        value: function of this column and of the whole table that returns the functional.
-    """
+    """Create a functional from a function of a column of the contact table, and of the table."""
     if quantity not in ("un", "ut", "rn", "rt"):
         raise ValueError(f"the quantity must be un, ut, rn or rt, got {quantity!r}")
 

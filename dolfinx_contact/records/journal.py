@@ -21,8 +21,7 @@ kind of the journal:
 
 - Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
   `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (norm of the
-  unknowns, relative to the length that counts as one unit step), `functionals`, and step data for
-  resumption.
+  unknowns in units of steps), `functionals`, and step data for resumption.
 - Evolutions: `time`, `size` (norm of the unknowns), `energies`, `data` (`manifest.values_of`),
   `row` (of the table of `History.rows`), and `run`, the items of `evolution.run.RunState`.
 - Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
@@ -103,13 +102,7 @@ ARRAYS = {
 
 
 def array_file(folder: Path, kind: str, name: str) -> Path:
-    """Return the path of an array file of a point.
-
-    Args:
-        folder: folder of the record.
-        kind: "checkpoint" or "surface".
-        name: name of the file, without suffix.
-    """
+    """Return the path of the "checkpoint" or "surface" file of a point."""
     return folder / ARRAYS[kind].folder / f"{name}.npz"
 
 
@@ -263,13 +256,7 @@ class AnyJournal:
         raise NotImplementedError
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return the columns of the table `rows` as NumPy arrays by name.
-
-        Columns with text or None have the dtype object.
-
-        Args:
-            branch: number of the branch or run; default: all.
-        """
+        """Return the columns of `rows` as NumPy arrays by name; text and None have dtype object."""
         return _columns(self.rows(branch))
 
     def to_pandas(self, branch: int | None = None) -> Any:
@@ -280,8 +267,7 @@ class AnyJournal:
         """Return the undeformed outer surface of the bodies. Not collective.
 
         Raises:
-            ValueError: if the record has no outer surface yet, or if the file with the surface is
-                missing or corrupt.
+            ValueError: if the record has no outer surface yet, or its file is missing or corrupt.
         """
         if self.folder is None or not self.sessions:
             raise ValueError("the journal is in memory only or has no session, thus no surface")
@@ -347,12 +333,7 @@ class AnyJournal:
             raise ValueError(f"it is the journal of {header['of']}, not of {self.kind}")
 
     def _take(self, kind: str, entry: Entry) -> None:
-        """Add an entry that is neither a header nor a session.
-
-        Args:
-            kind: type of the entry, such as "point".
-            entry: entry without its type.
-        """
+        """Add an entry of any type except header and session."""
         number = entry.pop("branch")
         if kind == "begin":
             self.branches[number] = RecordedRun(entry.task, after=entry.after)
@@ -543,9 +524,7 @@ class EvolutionJournal(AnyJournal):
         return self.states
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return the rows of the table `History.rows`, with ``status`` as an additional column.
-
-        There is one row for the start and one for each step.
+        """Return `History.rows` with a column ``status``: a row for the start and for each step.
 
         Args:
             branch: number of the run; default: all runs. The start is in the first run.
@@ -553,11 +532,11 @@ class EvolutionJournal(AnyJournal):
         return [p.row | {"status": p.status} for _, p in self._points(branch)]
 
     def loads(self) -> dict[str, Array]:
-        """Return the values at all states of the Constants that change during the runs.
+        """Return the values of changing Constants at all states, by description.
 
-        The result is a dictionary whose keys describe the Constants. For vectors, the component is
-        appended, as in "point of HalfSpace of 'floor' y". Dirichlet values are the columns
-        ``support_0_ux``, ... of `rows`. On a path, the load parameter is in `PathJournal.gammas`.
+        Descriptions of vectors end with the component, as in "point of HalfSpace of 'floor' y".
+        Dirichlet values are the columns ``support_0_ux``, ... of `rows`. On a path,
+        `PathJournal.gammas` is the load.
         """
         first = self.states[0].data if self.states else {}
         numbers = [name for name, values in first.items() if isinstance(values, list)]

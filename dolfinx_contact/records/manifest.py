@@ -175,8 +175,8 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
     """Return the memory of the contact points for a manifest. Collective.
 
     Returns:
-        Dictionary with the same format as in `values_of`: the memory at the start of the present
-        step, and the duration of the step; empty under the static law.
+        Memory at the start of the present step, and its duration, in the format of `values_of`;
+        empty under the static law.
     """
     found: dict[str, Any] = {}
     no_length = _NO_LENGTH * problem.equations.body_size
@@ -199,11 +199,9 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Describe the first difference between two sections of a manifest, with both values.
+    """Describe the first difference between two sections of a manifest; "" if they agree.
 
-    Returns:
-        Description; "" if the sections agree, or if they were written with different versions of
-        UFL, whose signatures cannot be compared.
+    Signatures of different versions of UFL cannot be compared and count as equal.
     """
     if recorded.get(_UFL) != now.get(_UFL):
         return ""  # signatures of the same form depend on the version of UFL
@@ -233,10 +231,7 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether two values of a manifest agree.
-
-    Numbers agree if their relative difference is below 1e-9; other values must be equal.
-    """
+    """Return whether two values of a manifest agree: numbers to 1e-9, others exactly."""
     if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
         tolerance = _TOLERANCE * max(a["scale"], b["scale"])
         return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
@@ -252,10 +247,7 @@ def _is_constant(value: Any) -> bool:
 
 
 def _both(recorded: Any, now: Any) -> str:
-    """Return the recorded and the present value of an item as text in parentheses.
-
-    The text is empty if the values are hashes or projections, or are too long.
-    """
+    """Return both values in parentheses; "" if they are hashes, projections or too long."""
     words = [", ".join(map(repr, v)) if _is_constant(v) else str(v) for v in (recorded, now)]
     hidden = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
     if hidden or max(map(len, words)) > _LONGEST:
@@ -267,9 +259,7 @@ def _both(recorded: Any, now: Any) -> str:
 
 
 def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) -> dict[str, Any]:
-    """Return two random projections of values at cells, and a scale for comparing them.
-
-    Collective.
+    """Return two random projections of values at cells, and their scale. Collective.
 
     Args:
         domain: mesh of the cells.

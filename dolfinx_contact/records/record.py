@@ -2,12 +2,12 @@
 """Record of one contact problem in a folder: a locked journal and array files.
 
 A point or state is written to disk before the next one is computed: first its array files, then the
-line of the journal with the names of these files. The point is recorded as soon as this line is
-complete: a run may be killed at any moment and is resumed from the complete lines on any number of
-ranks. Points recorded after the last resumable point are recomputed, but not recorded again. Every
-point has its own files, because a process that is killed while writing to an HDF5 file may damage
-its previous content. `Record` is the base class of the records of branches (`branch_record`) and of
-histories, motions and paths (`steps_record`).
+line of the journal with their names. This line completes the point: a run may be killed at any
+moment and is resumed from the complete lines on any number of ranks. Points recorded after the last
+resumable point are recomputed, but not recorded again. Every point has its own files, because a
+process that is killed while writing to an HDF5 file may damage its previous content. `Record` is
+the base class of the records of branches (`branch_record`) and of histories, motions and paths
+(`steps_record`).
 """
 
 from __future__ import annotations
@@ -222,22 +222,16 @@ class Record(Observer, ABC, Generic[J]):
 
         Args:
             ended: branch or run with its `ending` and `reason`.
-            keys: journal items with the name and the fingerprint of a checkpoint of the last point;
-                default: no checkpoint was written.
+            keys: journal items of a checkpoint of the last point; default: none was written.
         """
         if self.journal.branches[self._branch].ending is not ended.ending:
             ending = {"ending": ended.ending, "reason": ended.reason}
             self._append({"type": "end", "branch": self._branch, **ending, **(keys or {})})
 
     def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
-        """Write the present outer surface to an array file. Collective.
+        """Write the present outer surface; return its name and fingerprint. Collective.
 
-        Args:
-            name: name of the file.
-            law: problem whose law (with its memory) is used to evaluate the contact tables.
-
-        Returns:
-            Journal items with the name and the fingerprint of the file.
+        The law of the problem, with its memory, is used to evaluate the contact tables.
         """
         state = self._outside.state(law)
         arrays: Arrays = {}
@@ -277,8 +271,7 @@ class Record(Observer, ABC, Generic[J]):
         """Write a line of the journal and add it to the journal in memory. Collective.
 
         Raises:
-            OSError: on every rank, if the line cannot be written; the array files named in the line
-                are removed.
+            OSError: on every rank, if the line cannot be written; its array files are removed.
             ValueError: on every rank, if the record is closed.
         """
         self._require_open()

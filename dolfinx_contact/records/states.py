@@ -113,21 +113,14 @@ class StateArrays:
         return arrays
 
     def statuses(self, arrays: Arrays) -> list[Codes]:
-        """Return the statuses of the points of this rank, one array per surface.
-
-        Args:
-            arrays: arrays as returned by `of_points`.
-        """
+        """Return the statuses of the points of this rank, by surface, from `of_points`."""
         return [arrays[f"statuses.{i}"][points.mine] for i, points in enumerate(self._points)]
 
     def memory(self, arrays: Arrays) -> tuple[Memory, ...]:
-        """Return the memory of the points of this rank, one object per surface.
+        """Return the memory of the points of this rank, by surface, from arrays of `of_points`.
 
         For sliding faces the memory includes the displacement, and the motion of a rotating rigid
         body, if there is one. Both are read from the problem.
-
-        Args:
-            arrays: arrays as returned by `of_points`.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories = []
@@ -167,10 +160,7 @@ class _Multiplier:
         self._shared = SharedValues(W.dofmap.index_map)
 
     def extend(self) -> None:
-        """Copy the multiplier to the Function on the body. Collective.
-
-        The Function is 0 away from the surface.
-        """
+        """Copy the multiplier to the body, with 0 away from the surface. Collective."""
         bs = self.on_body.function_space.dofmap.index_map_bs
         values = self._multiplier.x.array.reshape(-1, bs)
         # A rank may own a node of the body without the adjacent facet, and several ranks may have
@@ -214,14 +204,11 @@ def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
 
 
 def coefficients(V: fem.FunctionSpace, values: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Return the coefficients of a Function in each owned cell.
+    """Return the coefficients of a Function by owned cell, shape (cells, coefficients).
 
     Args:
         V: function space of the Function.
         values: local values of the Function.
-
-    Returns:
-        Coefficients, shape (cells, coefficients per cell).
     """
     topology = V.mesh.topology
     return values[_places(V)[: topology.index_map(topology.dim).size_local]]
@@ -260,10 +247,7 @@ def input_numbers(domain: mesh.Mesh) -> Ints:
 
 
 def _places(V: fem.FunctionSpace) -> Ints:
-    """Return the local indices of the coefficients of a Function in each local cell.
-
-    The result has the shape (cells, coefficients per cell).
-    """
+    """Return the indices of the coefficients in local cells, shape (cells, coefficients)."""
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list.astype(np.int64)
     # a rank may have no cells

@@ -280,10 +280,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         return history
 
     def _run_state(self, index: int) -> RunState:
-        """Write a recorded state into the problem and return it as state of a run. Collective.
-
-        Args:
-            index: number of the state, 0 for the start.
+        """Write a recorded state into the problem; return the state of the run. Collective.
 
         Raises:
             ValueError: on every rank, if the checkpoint of the state is corrupt.
