@@ -159,11 +159,7 @@ def _draw_2d(scene: Scene, width: int) -> Figure:
 
 
 def _draw_body(axes: Axes, scene: Scene) -> Any:
-    """Draw bodies, obstacles and the rims of contact surfaces in 2D.
-
-    Returns:
-        Coloured matplotlib object, for a colour bar.
-    """
+    """Draw bodies, obstacles and rims; return the coloured matplotlib object for a colour bar."""
     from matplotlib.collections import LineCollection, PathCollection, PolyCollection
     from matplotlib.path import Path
 

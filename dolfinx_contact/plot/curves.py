@@ -130,10 +130,9 @@ def draw_chart(
 ) -> Axes:
     """Draw a chart of the number of solutions over two parameters. Not collective.
 
-    Each cell of the chart is coloured by its number of solutions. With ``names``, it is coloured by
-    the set of the statuses of its solutions. Cells in which the number is not proved are hatched;
-    they have at least this many solutions. Curves of folds are thick, curves of events thin, and a
-    dot marks a cusp.
+    Each cell is coloured by its number of solutions or, with ``names``, by the set of statuses of
+    its solutions. Cells in which the number is not proved are hatched; they have at least this many
+    solutions. Curves of folds are thick, curves of events thin, and a dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
@@ -179,14 +178,7 @@ def draw_chart(
 def _add_legend_of_fills(
     axes: Axes, colours: Mapping[str, str], *, columns: int, proved: bool
 ) -> None:
-    """Add a legend with the colours of the cells of a chart.
-
-    Args:
-        axes: axes of the chart.
-        colours: colours by name in the legend.
-        columns: number of columns of the legend.
-        proved: whether all numbers of solutions are proved; otherwise the hatching is explained.
-    """
+    """Add a legend with the colours of cells by name, and the hatch of cells without a proof."""
     from matplotlib.patches import Patch
 
     fills = {word: dict(facecolor=colour) for word, colour in colours.items()}

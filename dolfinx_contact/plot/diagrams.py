@@ -56,23 +56,21 @@ def draw_diagram(
 
     The upper part shows functionals over the parameter gamma, with folds and bifurcations. The
     lower part has one strip for each of the first branches. It shows the status of every contact
-    point over the distance along the branch, which is the sum of the lengths of the continuation
-    steps. Points are numbered from 0 in the order of coordinates. With more than 60 points, the
-    number of points of each status is shown instead.
+    point over the sum of the step lengths along the branch. Points are numbered from 0 in the order
+    of coordinates. With more than 60 points, the number of points of each status is shown instead.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         journal: result of `read_journal` or `journal_of`.
-        functional: name of a functional or of a numeric column; or a sequence of names, with one
-            panel each; or a dictionary of labels by name, with formulas in TeX between dollars. The
-            default is the first functional, or ``norm``.
+        functional: name of a functional or of a numeric column, or a sequence of names with one
+            panel each, or labels by name (formulas in TeX between dollars). The default is the
+            first functional, or ``norm``.
         names: names of the branches in the legend, default the statuses at the last point.
         title: title of the diagram.
         parameter: label of the axis of gamma.
         strips: largest number of strips, default 4.
         proved: results of `find_solutions` or `analysis.prove_counts` at values of gamma. Each is
-            drawn as a dotted line, labelled by the number of solutions and by whether the number is
-            proved.
+            drawn as a dotted line, labelled by its number of solutions and whether it is proved.
 
     Returns:
         The figure. Its first axes contain the functionals, the others the strips.
@@ -123,11 +121,6 @@ def _labels(
     journal: Journal, branch: int, functional: str | Sequence[str] | Mapping[str, str]
 ) -> Mapping[str, str]:
     """Return the labels of the columns to be drawn over gamma, by name of the column.
-
-    Args:
-        journal: journal of the branches.
-        branch: number of a branch that must have these columns.
-        functional: name, names or labels by name, see `draw_diagram`.
 
     Raises:
         ValueError: if one of them is not a numeric column of the branch.

@@ -63,11 +63,7 @@ class DrawnObstacle:
     inside: Sequence[tuple[Array, npt.NDArray[np.uint8]]] = ()
 
     def around(self, points: Array) -> DrawnObstacle:
-        """Return the obstacle with its facets near n points. Not collective.
-
-        Args:
-            points: coordinates of the points, shape (n, dim).
-        """
+        """Return the obstacle with its facets near points, shape (n, dim). Not collective."""
         if self.formula is None:
             return self
         low, high = points.min(axis=0), points.max(axis=0)
@@ -89,8 +85,7 @@ class DrawnObstacle:
 def obstacle_of(s: DiscreteSurface, scale: float) -> DrawnObstacle:
     """Return the obstacle of a contact surface in its present position. Collective.
 
-    Facets of the obstacle itself are returned on every rank, points opposite to the surface on rank
-    0 only.
+    Facets of the obstacle are returned on every rank, points opposite to the surface on rank 0.
 
     Args:
         s: contact surface whose obstacle is drawn.
@@ -131,22 +126,13 @@ class _Formula:
         self._turned = np.eye(dim) + motion[1:] - motion[0]
 
     def _at(self, x: Array) -> tuple[Array, Array]:
-        """Return the gaps, shape (n,), and unit normals, shape (n, dim), at n points.
-
-        Args:
-            x: coordinates of the points, shape (n, dim).
-        """
+        """Return gaps, shape (n,), and unit normals, shape (n, dim), at points, shape (n, dim)."""
         self._values.x = (x - self._moved) @ np.linalg.pinv(self._turned)
         both = self._values()["both"]
         return both[:, 0], unit(both[:, 1:] @ self._turned)
 
     def surface(self, low: Array, high: Array) -> DrawnObstacle | None:
-        """Return the part of the surface of the obstacle in a box; None if there is none.
-
-        Args:
-            low: lower corner of the box, shape (dim,).
-            high: upper corner of the box, shape (dim,).
-        """
+        """Return the part of the obstacle's surface in a box; None if there is none."""
         dim = len(low)
         axes = np.linspace(np.maximum(low, self._least), high, _NUMBER[dim])
         grid = np.stack(np.meshgrid(*axes.T, indexing="ij"), axis=-1)
@@ -164,10 +150,9 @@ class _Formula:
 
 
 def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
-    """Return the formula of the obstacle of a contact surface. Collective.
+    """Return the formula of an obstacle, with the arguments of `obstacle_of`. Collective.
 
-    None if the obstacle has facets, or if its gap is not defined in all of space. The arguments are
-    those of `obstacle_of`.
+    None if the obstacle has facets, or its gap is not defined in all of space.
     """
     shape, domain = shape_of(s.obstacle), s.u.function_space.mesh
     if shape.outline is not None or not known_displaced(shape):
@@ -182,12 +167,7 @@ def _formula_of(s: DiscreteSurface, scale: float) -> _Formula | None:
 
 
 def _curves(axes: Array, gap: Array) -> DrawnObstacle:
-    """Return the obstacle gap <= 0 in 2D, with its boundary curves and its interior.
-
-    Args:
-        axes: coordinates of the grid points along both axes, one column per axis.
-        gap: gaps at the grid points.
-    """
+    """Return the curves gap = 0 of an obstacle in 2D, on a grid, and its interior gap < 0."""
     from contourpy import contour_generator
 
     contours: Any = contour_generator(axes[:, 0], axes[:, 1], gap.T, fill_type="OuterCode")
@@ -200,12 +180,7 @@ def _curves(axes: Array, gap: Array) -> DrawnObstacle:
 
 
 def _triangles(axes: Array, gap: Array) -> DrawnObstacle:
-    """Return the surface gap = 0 in 3D as triangles.
-
-    Args:
-        axes: coordinates of the grid points along the axes, one column per axis.
-        gap: gaps at the grid points.
-    """
+    """Return the surface gap = 0 of an obstacle in 3D, on a grid, as triangles."""
     import pyvista as pv
 
     grid = pv.ImageData(dimensions=gap.shape, spacing=axes[1] - axes[0], origin=axes[0])

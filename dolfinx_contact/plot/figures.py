@@ -76,9 +76,7 @@ def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure
 
 
 def save(drawing: Drawing, file: File) -> None:
-    """Write a matplotlib figure or the view of a PyVista plotter. Not collective.
-
-    Nothing is written if ``file`` is None.
+    """Write a figure or the view of a plotter, unless ``file`` is None. Not collective.
 
     Raises:
         OSError: if the file cannot be written; an existing file is then unchanged.
@@ -95,9 +93,7 @@ def save(drawing: Drawing, file: File) -> None:
 
 
 def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Drawing | None:
-    """Draw a picture and write it to a file on rank 0. Collective.
-
-    An error on rank 0 is raised on every rank.
+    """Draw and write on rank 0; raise an error of rank 0 on every rank. Collective.
 
     Returns:
         The drawing on rank 0, None on other ranks.

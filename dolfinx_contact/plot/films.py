@@ -222,10 +222,7 @@ def _shots(
 
 
 def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
-    """Yield the states of a film, or the texts of its generator, one by one. Collective.
-
-    Errors of the generator are raised on every rank.
-    """
+    """Yield the states or texts of a film; raise errors on every rank. Collective."""
     iterator = iter(states.steps if isinstance(states, History) else states)
     end = object()
     while True:
@@ -249,15 +246,7 @@ def _written(
     rate: float,
     size: int,
 ) -> Path:
-    """Draw frames and write them as a film on rank 0; return its path. Collective.
-
-    Args:
-        comm: communicator.
-        file: path of the film.
-        drawings: function that draws the frames; called on rank 0.
-        rate: frames per second.
-        size: largest width and height of a frame in pixels.
-    """
+    """Draw frames and write them as a film on rank 0; return its path. Collective."""
     path = Path(file)
     is_gif = path.suffix == ".gif"
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)

@@ -45,10 +45,7 @@ _servers: list[subprocess.Popen[bytes]] = []
 
 
 def draw_3d(scene: Scene, width: int) -> pv.Plotter:
-    """Draw bodies and obstacles in 3D with PyVista, see `draw_scene`.
-
-    The actors of the plotter have names such as ``"body"``.
-    """
+    """Draw a scene in 3D (`draw_scene`). Actors have names such as ``"body"``."""
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
@@ -122,13 +119,7 @@ def _draw_body(
 
 
 def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) -> None:
-    """Add a colour bar with round numbers for the mesh that was drawn last.
-
-    Args:
-        plotter: plotter to which the bar is added.
-        label: label of the bar.
-        ends: smallest and largest value of the colour map.
-    """
+    """Add a colour bar with round numbers for the mesh that was drawn last."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = ends
@@ -143,10 +134,9 @@ def _add_colour_bar(plotter: pv.Plotter, label: str, ends: tuple[float, float]) 
 
 
 def _draw_surfaces(plotter: pv.Plotter, scene: Scene, eye: Array) -> None:
-    """Draw the rims of contact surfaces, and the obstacles.
+    """Draw the rims of contact surfaces, and the obstacles, transparent in front of the body.
 
-    Obstacles between the viewer and the body are transparent; ``eye`` is the unit vector from the
-    body to the viewer.
+    The unit vector ``eye`` points from the body to the viewer.
     """
     # the rims of contact surfaces: thick for slaves, thin for masters
     size = float(np.linalg.norm(np.ptp(scene.visible, axis=0)))
@@ -194,22 +184,14 @@ def _solid(x: Array, cells: Cells) -> Any:
 
 
 def _edges(cells: Any, every: bool) -> Any:
-    """Return the edges of a mesh: all of them, or only sharp edges and boundary edges.
-
-    Args:
-        cells: PyVista mesh.
-        every: whether all edges are returned.
-    """
+    """Return the edges of a mesh: all (``every``), or only sharp edges and boundary edges."""
     if every:
         return cells.extract_all_edges()
     return cells.extract_feature_edges(feature_angle=_SHARP, **_RIM)
 
 
 def _section(scene: Scene) -> Plane | None:
-    """Return a point and the normal of the plane of the section; None without a section.
-
-    By default, the plane passes through the middle of the bodies or of the visible region.
-    """
+    """Return a point, by default in the middle, and the normal of the section, or None."""
     if scene.view.clip is None:
         return None
     point, normal = scene.view.clip
@@ -250,16 +232,13 @@ def _default_eye(scene: Scene) -> Array:
 
 
 def _set_camera(plotter: pv.Plotter, scene: Scene, frame: Array, width: float) -> float:
-    """Place the camera so that the bodies fill the picture.
+    """Place the camera so that the bodies fill the picture; return the pixels per length.
 
     Args:
         plotter: plotter whose camera is placed.
         scene: bodies and obstacles.
         frame: unit vectors to the right, upwards and towards the viewer, shape (3, 3).
         width: largest width of the picture in pixels.
-
-    Returns:
-        Number of pixels per length.
     """
     seen = scene.visible @ frame.T
     low, high = seen.min(axis=0), seen.max(axis=0)

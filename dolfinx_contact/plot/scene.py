@@ -155,11 +155,7 @@ class Scene:
         return tints, ListedColormap(_TINTS), (-0.5, len(_TINTS) - 0.5)
 
     def shows_edges(self, pixels: float) -> bool:
-        """Return whether to draw the edges of the cells.
-
-        Args:
-            pixels: number of pixels per length; by default, edges of small cells are not drawn.
-        """
+        """Return whether to draw the edges of the cells, for a number of pixels per length."""
         edges = self.view.edges
         return are_distinct(self.x, self.cells, pixels) if edges is None else edges
 
@@ -201,10 +197,7 @@ def framed(scenes: Sequence[Scene]) -> list[Scene]:
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Return the smallest and the largest finite value, as limits of a colour map.
-
-    The largest value is increased if both are equal.
-    """
+    """Return the smallest and largest finite value; the latter is increased if they are equal."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     low = 0.0 if abs(low) < 1e-9 * high else low  # the colour bar shows no round-off
@@ -221,12 +214,7 @@ def check_units(units: Mapping[str, str] | None) -> None:
 
 
 def check_look(function: Any, look: Mapping[str, Any]) -> None:
-    """Raise ``TypeError`` if an option belongs neither to ``function`` nor to `Look`.
-
-    Args:
-        function: function to which the options were passed.
-        look: options by name.
-    """
+    """Raise ``TypeError`` if an option belongs neither to ``function`` nor to `Look`."""
     options = [*unwrap(function).__kwdefaults__, *Look.__annotations__]
     for name in look:
         if name not in options:
@@ -261,22 +249,14 @@ def _view_of(look: Mapping[str, Any], domain: mesh.Mesh) -> View:
 
 
 def _direction(value: Any, name: str) -> Array:
-    """Return the unit vector of a direction given as an axis such as "-y", or as a vector.
-
-    Args:
-        value: axis or vector.
-        name: name of the argument, for the message of an error.
-    """
+    """Return the unit vector of an axis such as "-y" or of a vector given by the user."""
     if isinstance(value, str):
         return _AXES[one_of(value, name, _AXES)]
     return unit(vector(value, name, 3, zero=False))
 
 
 def _plane(clip: Any) -> tuple[Array | None, Array]:
-    """Return a point and the unit normal of the section ``clip`` (`Look`).
-
-    The point is None if the section passes through the middle.
-    """
+    """Return a point (None for the middle) and the unit normal of the section ``clip``."""
     pair = not isinstance(clip, str) and len(clip) == 2
     point, normal = clip if pair else (None, clip)
     at = None if point is None else vector(point, "the point of clip", 3)

@@ -97,8 +97,8 @@ def picture_of_contact(
     the mean normal of the part in contact. In 2D the tractions and the friction bound are drawn
     over the coordinate of a straight surface, and over the arc length of a curved one. For a law
     with bonds, the frictional part of the shear, to which the bound applies, is drawn as well. As
-    in `ContactTable.along`, the shear in 2D is positive along the tangent t = (-n_y, n_x), where n
-    is the normal. It points to -x below an obstacle.
+    in `ContactTable.along`, the shear in 2D is positive along t = (-n_y, n_x) with the normal n, to
+    -x below an obstacle.
 
     The picture is limited to the part of the surface that is in contact or carries a traction, with
     a margin. Statuses and values are those of the vertices (`ContactProblem.contact_fields`); the
@@ -115,8 +115,7 @@ def picture_of_contact(
             state.
         units: units of "length" and "stress" in the labels, such as ``{"length": "mm", "stress":
             "MPa"}``; default: none.
-        size: width and height in inches; by default (8.6, 5) in 2D, and in 3D according to the
-            shape of the surface.
+        size: width and height in inches; default: (8.6, 5) in 2D, in 3D from the surface's shape.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -151,7 +150,7 @@ def draw_contact(
 
     Args:
         data: data of the state to draw, see `contact_data`.
-        frames: data of all states that must have the same axes and colours, for example in a film.
+        frames: data of states that share axes and colours, for example in a film.
         s: contact surface to draw.
         title: title of the picture.
         over: see `picture_of_contact`.
@@ -182,12 +181,11 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """Gather facets, tractions and statuses of the vertices of a surface on rank 0. Collective.
 
     Returns:
-        On rank 0, the arrays of `gather_facets` and the following values at the vertices:
-        ``pressure``; ``shear``, in 2D its component along the tangent (-n_y, n_x) with the normal
-        n; the friction bound ``bound``; the status letters ``letters``; the normals ``n`` of the
-        undeformed body; and the mask ``touching`` of vertices that stick, slip or carry a traction.
-        For a law with bonds also ``friction``, the frictional part of the shear. On other ranks, an
-        empty dictionary.
+        The arrays of `gather_facets`, with ``pressure``, ``shear`` (in 2D along (-n_y, n_x) for the
+        normal n), the friction bound ``bound``, the status letters ``letters``, the normals ``n``
+        of the undeformed body, and the mask ``touching`` of vertices that stick, slip or carry a
+        traction; for a law with bonds also the frictional part ``friction`` of the shear. An empty
+        dictionary on other ranks.
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
@@ -389,12 +387,9 @@ def _draw_map(frame: _Frame, size: tuple[float, float] | None) -> Figure:
 
 
 def _look_of_pressure(every: Array) -> dict[str, Any]:
-    """Return the colour scale of the pressure: options ``norm`` and ``cmap`` of matplotlib.
+    """Return the colour scale (``norm`` and ``cmap``) of the pressure in all frames.
 
     Pressures are negative where bonds pull.
-
-    Args:
-        every: pressures in all frames.
     """
     from matplotlib import colormaps
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
@@ -407,14 +402,7 @@ def _look_of_pressure(every: Array) -> dict[str, Any]:
 
 
 def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
-    """Colour the parts of the facets around each vertex by the status of the vertex.
-
-    Args:
-        axes: axes in which the statuses are drawn.
-        x: positions of the m vertices, shape (m, 2).
-        cells: vertices of the facets.
-        letters: status letters of the vertices, shape (m,).
-    """
+    """Colour the part of the facets around each vertex by the status of the vertex."""
     from matplotlib.collections import PolyCollection
 
     loop = around(cells)
@@ -430,9 +418,6 @@ def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
     """Project a surface along the coordinate axis closest to the mean normal in contact.
 
     Facets that face away, such as the far side of a closed surface, are omitted.
-
-    Args:
-        data: data of the state to draw, see `contact_data`.
 
     Returns:
         Positions of the m vertices, shape (m, 2); vertices of the facets; and labels of both axes.
@@ -450,15 +435,7 @@ def _projected(data: Arrays) -> tuple[Array, Cells, list[str]]:
 
 
 def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
-    """Draw vectors as arrows, with a key that gives the largest magnitude.
-
-    Args:
-        axes: axes in which the arrows are drawn.
-        x: positions of the m vertices, shape (m, 2).
-        vectors: vectors at the vertices, shape (m, 2).
-        spacing: sides of the cells of a grid; at most one arrow is drawn in each cell.
-        largest: largest magnitude in all frames.
-    """
+    """Draw at most one arrow per square of a grid, and a key with the largest magnitude."""
     size = np.linalg.norm(vectors, axis=1)
     if not largest:
         return
