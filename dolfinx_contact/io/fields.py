@@ -86,9 +86,8 @@ def write_fields(
         OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
             files then remain.
         ValueError: on every rank, if the stress is not valid (not 3 x 3, of another mesh or
-            displacement, or without one of the cell tags of the bulk), if two surfaces would be
-            written to the same file, if the format is not available, or if arguments differ between
-            ranks.
+            displacement, or without a cell tag of the bulk), two surfaces would be written to the
+            same file, the format is not available, or arguments differ between ranks.
     """
     fields = StateFields(problem, stress)
     with Writer(problem.comm, folder, format) as writer, problem.at(state) as shown:
@@ -104,8 +103,7 @@ class StateFields:
         stress: UFL stress, see `write_fields`.
 
     Raises:
-        ValueError: on every rank, if the stress is not valid, or two surfaces would be written to
-            the same file.
+        ValueError: on every rank, if the stress is not valid, or two surfaces share a file.
     """
 
     def __init__(self, problem: ContactProblem, stress: Any = None):
@@ -124,8 +122,7 @@ class StateFields:
         """Return the Functions of each file for the present state. Collective.
 
         Args:
-            problem: problem whose Functions contain the state, with the law of the step that led to
-                it (`ContactProblem.at`).
+            problem: problem with the state and the law of its step (`ContactProblem.at`).
         """
         u = problem.u
         own = u.copy()
@@ -164,9 +161,8 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
         Cell tags of the bulk if the stress is given by cell tags, otherwise None.
 
     Raises:
-        ValueError: on every rank, if the stress is not 3 x 3, if it belongs to another mesh or
-            displacement, if a cell tag of the bulk has no stress, or if arguments differ between
-            ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or
+            displacement, lacks a cell tag of the bulk, or differs between ranks.
     """
     domain = problem.u.function_space.mesh
     by_tag = stress if isinstance(stress, Mapping) else {None: stress}
@@ -201,11 +197,7 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
 
 
 def _refuse_other_displacement(stress: Any, u: fem.Function) -> None:
-    """Raise ``ValueError`` if a stress depends on another displacement than ``u``.
-
-    Another displacement is a Function with the same element, in a stress that does not contain
-    ``u``.
-    """
+    """Raise ``ValueError`` if a stress without ``u`` contains a Function of the same element."""
     functions = extract_coefficients(stress)
     others = [f for f in functions if f.ufl_element() == u.ufl_element() and f is not u]
     if others and u not in functions:
@@ -218,11 +210,10 @@ def _refuse_other_displacement(stress: Any, u: fem.Function) -> None:
 def body_fields(
     u: fem.Function, stress: Any, tags: mesh.MeshTags | None = None
 ) -> list[fem.Function]:
-    """Return stress and von Mises stress as discontinuous Functions of degree 1. Collective.
+    """Return Functions ``stress`` and ``von_mises``, discontinuous of degree 1. Collective.
 
-    The Functions have the names ``stress`` and ``von_mises``. If the stress contains a UFL
-    conditional that depends on the position and jumps between cells, each cell gets the limits from
-    its interior.
+    If the stress contains a UFL conditional that depends on the position and jumps between cells,
+    each cell gets the limits from its interior.
 
     Args:
         u: displacement.
@@ -247,13 +238,7 @@ def body_fields(
 
 
 def _interpolate(f: fem.Function, e: Any, cells: Indices | None) -> None:
-    """Interpolate an expression into a discontinuous Function of degree 1.
-
-    Args:
-        f: Function that receives the values.
-        e: UFL expression.
-        cells: local cells in which the Function is set; None for all cells.
-    """
+    """Interpolate an expression into a DG1 Function, in all (None) or some local cells."""
     W = f.function_space
     e = of_cells(e, W.mesh)
     points = interpolation_points(W)
@@ -277,11 +262,10 @@ def _interpolate(f: fem.Function, e: Any, cells: Indices | None) -> None:
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
     """Return an expression that can be evaluated at any point of a cell. Collective.
 
-    An expression that is defined only at the midpoints of cells is interpolated by constants in
-    each cell; any other expression is returned unchanged.
+    An expression defined only at the midpoints of cells is interpolated to DG0.
 
     Args:
-        e: UFL expression.
+        e: UFL expression; returned unchanged if it is defined everywhere.
         domain: mesh of the expression.
     """
     if not is_of_cells(e):

@@ -71,12 +71,7 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
 
 
 def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:
-    """Write a text file from rank 0. Collective.
-
-    Args:
-        comm: communicator.
-        file: path of the file.
-        text: function that returns the content; called on rank 0.
+    """Write the text returned by a function, which is called on rank 0, to a file. Collective.
 
     Raises:
         OSError: on every rank, if the file cannot be written; an earlier file remains.
@@ -93,14 +88,9 @@ def write_text(comm: MPI.Comm, file: Path, text: Callable[[], str]) -> None:
 def write_summary(
     comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Write a dictionary of results to ``folder/summary.json``. Collective.
+    """Write results by name to ``folder/summary.json``. Collective.
 
     The number of ranks, versions of packages and the time since import are added.
-
-    Args:
-        comm: communicator.
-        folder: output folder.
-        scalars: results, by name.
 
     Returns:
         Content of the file, on every rank.

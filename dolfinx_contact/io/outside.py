@@ -153,8 +153,7 @@ class Outside:
             body: gathered body with these vertices, see `gather`.
 
         Returns:
-            Facets of each contact surface, and of the master surface of each pair, by name of the
-            contact surface.
+            Facets of each contact surface, and of the master of each pair, by name of the surface.
         """
         nodes = body.get("nodes", np.zeros(0, dtype=np.int64))
         surfaces = self.problem.surfaces
@@ -192,10 +191,9 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
     An obstacle without facets is represented by the points opposite to the surface.
 
     Returns:
-        Vertices ``cells`` of the facets; and, for each of the m vertices, the current position
-        ``floor``, the displacement ``moved`` and the normal ``n`` into the obstacle, shape (m, dim)
-        each. Points opposite to the surface are returned on rank 0 only; other ranks return an
-        empty dictionary.
+        Facets ``cells``, and at their m vertices the current position ``floor``, the displacement
+        ``moved`` and the normal ``n`` into the obstacle, shape (m, dim) each. Points opposite to
+        the surface are returned on rank 0; other ranks return an empty dictionary.
     """
     if s.obstacle.outline is not None:
         x, facets, n = s.obstacle.outline
@@ -219,14 +217,12 @@ def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
 
     Args:
         s: contact surface whose facets are gathered.
-        values: values at the local vertices of the surface, by name; the first axis has one entry
-            per vertex.
+        values: values at its local vertices, by name, with one entry of the first axis per vertex.
 
     Returns:
-        On rank 0, arrays for the n facets and m vertices of the surface: the vertices ``cells`` of
-        the facets, shape (n, vertices per facet); the numbers ``nodes`` of the vertices in the
-        input mesh, shape (m,); their coordinates ``x``, shape (m, 3); and ``values``, with the
-        first axis of length m. On other ranks, an empty dictionary.
+        On rank 0: the facets ``cells``, shape (n, vertices per facet); the numbers ``nodes`` of the
+        m vertices in the input mesh, shape (m,); their coordinates ``x``, shape (m, 3); and
+        ``values``, first axis of length m. On other ranks: an empty dictionary.
     """
     V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
@@ -242,10 +238,9 @@ def _assembled(form: fem.Form) -> Array:
 
 
 def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
-    """Return the equivalent strain sqrt(2/3 e : e) as a UFL scalar.
+    """Return sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain.
 
-    e is the deviator of the Green-Lagrange strain of the displacement ``u``. If the body is
-    axisymmetric (``revolves``), the circumferential strain is included.
+    For an axisymmetric body (``revolves``) the circumferential strain is included.
     """
     dim = len(u)
     H = ufl.grad(u)
@@ -290,9 +285,8 @@ def _gather_cells(
             ranks that share a node.
 
     Returns:
-        On rank 0: ``cells`` with positions in the list of nodes; the numbers ``nodes`` of the m
-        nodes, shape (m,); their coordinates ``x``, shape (m, 3); and ``values`` at these nodes. On
-        other ranks: an empty dictionary.
+        On rank 0: ``cells`` of positions in the list of nodes; their numbers ``nodes``, shape (m,),
+        and coordinates ``x``, shape (m, 3); and ``values``. On other ranks: an empty dictionary.
     """
     at_corners = {"x": in_space(node_positions(V)), **values}
     parts = comm.gather(

@@ -115,8 +115,8 @@ class Writer:
 
         Args:
             time: time of the state.
-            fields: Functions of each file, by name of the file without prefix and suffix; names and
-                order must be the same for all states.
+            fields: Functions by file name without prefix and suffix, in the same order for all
+                states.
         """
         self._first = self._first or fields
         self.files = [self.folder / self._name(stem) for stem in self._first]
@@ -184,10 +184,7 @@ class Writer:
             raise
 
     def _on_root(self, do: Callable[[], None]) -> None:
-        """Call a function on rank 0 and raise its errors on every rank. Collective.
-
-        Paths in the messages are final paths, not those in the hidden folder.
-        """
+        """Call a function on rank 0; errors contain final paths, not hidden paths. Collective."""
 
         def done() -> None:
             try:
@@ -270,11 +267,7 @@ def _require_complete(path: Path) -> None:
 
 
 def _require_replaceable(new: Path, old: Path) -> None:
-    """Raise ``OSError`` if an existing path must not be replaced.
-
-    A folder is replaced only by a folder, and only if ADIOS2 has written it. A file is replaced
-    only by a file.
-    """
+    """Raise ``OSError`` unless a file replaces a file, or a folder one written by ADIOS2."""
     number = 0
     if old.is_dir() and not new.is_dir():
         number = errno.EISDIR
@@ -292,14 +285,7 @@ def _is_of_adios(folder: Path) -> bool:
 
 
 def _files_of(folder: Path, stem: str) -> set[Path]:
-    """Return the existing files of one name in both formats.
-
-    They include the VTK files to which the ``.pvd`` file refers.
-
-    Args:
-        folder: folder of the files.
-        stem: name of the files without suffix.
-    """
+    """Return the existing files of one name in both formats, including referenced VTK files."""
     bp = folder / f"{stem}.bp"
     found = {bp} if _is_of_adios(bp) else set()
     names = [f"{stem}.pvd"]
