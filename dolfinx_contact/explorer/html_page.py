@@ -248,15 +248,7 @@ class _Page:
         *,
         check: bool = True,
     ) -> str:
-        """Return the HTML text of a page.
-
-        Args:
-            arrays: compressed arrays of the page.
-            content: description of bodies, lines and axes for the scripts.
-            name: title if the user gave none.
-            columns: names of the columns.
-            notes: remarks shown on the page.
-            check: whether labels of unknown columns are refused.
+        """Return the HTML text of a page, given its arrays and descriptions.
 
         Raises:
             ValueError: if a label belongs to no column.
@@ -294,10 +286,7 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
     def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return a description of each column: name, label, scale, and whether it is a functional.
-
-        The items ``functionals`` and ``scales`` are removed from ``content``.
-        """
+        """Describe the columns; remove the functionals and scales from ``content``."""
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         scales = content.pop("scales", {})
@@ -313,11 +302,7 @@ class _Page:
 
 
 def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
-    """Store the columns of all lines in ``arrays``, one line after the other.
-
-    Returns:
-        Description of the lines and axes for the scripts of the page.
-    """
+    """Store the columns of all lines, concatenated, in ``arrays``; describe lines and axes."""
     counts = [len(line.statuses) for line in diagram.lines]
     firsts = np.cumsum([0, *counts]).tolist()
     values = [
@@ -360,10 +345,9 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _without_tex(text: str) -> str:
-    r"""Return a label in which formulas between dollars are replaced by plain text.
+    r"""Return a label with formulas as plain text: ``$\gamma_1$`` becomes "γ₁".
 
-    For example, ``$\gamma_1$`` becomes "γ₁". An index with characters that are not in `_SUBSCRIPTS`
-    is not converted.
+    An index with characters that are not in `_SUBSCRIPTS` is not converted.
     """
 
     def lowered(index: re.Match[str]) -> str:

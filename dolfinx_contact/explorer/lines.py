@@ -87,10 +87,7 @@ class DiagramData:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """Columns that the page shows first, for the horizontal and the vertical axis.
-
-        These are gamma or time, and a column that is not constant, preferably a functional.
-        """
+        """Columns shown first: gamma or time, and a varying column, preferably a functional."""
         across = "gamma" if "gamma" in self.columns else self.along
         others = [n for n in self.columns if n not in (across, self.along, "length")]
 
@@ -146,13 +143,7 @@ def _branches(journal: Journal) -> DiagramData:
 
 
 def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
-    """Return the mark of a special point (`BranchLine.marks`).
-
-    Args:
-        special: special point.
-        index: index of the point of the branch that follows it, or coincides with it.
-        gammas: values of gamma at the points of the branch.
-    """
+    """Return the mark of a special point on the way to the point ``index``."""
     gamma = float(special.gamma)
     share = 1.0
     if index > 0:

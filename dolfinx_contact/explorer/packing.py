@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compression of arrays for a page: lossless, or by few modes with a bounded error.
 
-The values u_i of a field in state i are approximated by u_i = sum_k c_ik v_k with coefficients
-c_ik. The modes v_k are the first singular vectors of a block of states, stored as 16-bit integers
-times a step size. The reported error is the difference between decoded and original values at every
-vertex of every state. Bytes of equal significance are stored next to each other, which improves
-compression by deflate.
+State i of a field is approximated by u_i = sum_k c_ik v_k with coefficients c_ik. The modes v_k are
+the first singular vectors of a block of states, stored as 16-bit integers times a step size. The
+reported error is the difference between decoded and original values at every vertex of every state.
+Bytes of equal significance are stored next to each other, which improves compression by deflate.
 """
 
 from __future__ import annotations
@@ -105,15 +104,13 @@ class Arrays:
 
 
 def _reduced(values: Array, allowed: float) -> tuple[Any, Any, Any, float]:
-    """Approximate a field in a block of m states by r modes.
+    """Approximate m states of a field, d components at n vertices, by r modes.
 
-    Args:
-        values: values with d components at n vertices, shape (m, n, d).
-        allowed: largest admissible Euclidean norm of the error at a vertex.
+    The values have shape (m, n, d); the error at a vertex has at most the norm ``allowed``.
 
     Returns:
-        Modes as integers, shape (r, n d); factors by which the integers of each mode are
-        multiplied, shape (r,); coefficients, shape (m, r); and largest error at a vertex.
+        Modes as integers, shape (r, n d); their factors, shape (r,); coefficients, shape (m, r);
+        and largest error at a vertex.
     """
     count = len(values)
     flat = values.reshape(count, -1)

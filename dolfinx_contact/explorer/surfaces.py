@@ -43,8 +43,7 @@ def add_bodies(
         error: largest error of a displacement, relative to the largest displacement.
 
     Returns:
-        Items ``body``, ``fields`` and ``surfaces`` of the page; and notes for the reader of the
-        page that state the errors.
+        Items ``body``, ``fields`` and ``surfaces`` of the page; and notes on the errors.
     """
     u = np.array([state.u for state in states])
     fields = {"displacement": _field(arrays, "displacement", "|u|", u, error)}
@@ -87,14 +86,7 @@ def add_bodies(
 def _field(
     arrays: Arrays, name: str, label: str, values: npt.NDArray[Any], error: float
 ) -> dict[str, Any]:
-    """Add a field on the outer surface to the page and return its description.
-
-    Args:
-        arrays: arrays of the page.
-        name: name of the field.
-        label: label of the field on the page.
-        values: values, shape (states, vertices, components).
-        error: largest error, relative to the largest value.
+    """Add a field of shape (states, vertices, components) and return its description.
 
     Raises:
         ValueError: if a value is not finite.
@@ -109,12 +101,7 @@ def _field(
 
 
 def _scale(largest: float, size: float) -> float:
-    """Return a factor that makes small displacements visible: 1, 2 or 5 times a power of 10.
-
-    Args:
-        largest: largest displacement.
-        size: size of the body.
-    """
+    """Return a factor that makes small displacements visible: 1, 2 or 5 times a power of 10."""
     if largest <= 0 or largest >= _SMALL * size:
         return 1.0
     most = _SHOWN * size / largest
@@ -210,12 +197,7 @@ def _distances(x: Array, facets: Cells) -> Array:
 
 
 def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[str, Any]:
-    """Add the contact tables of a surface in all states to a page.
-
-    Returns:
-        Description for the page: groups of states whose tables are stored together, ranges of the
-        columns, and the largest traction and force.
-    """
+    """Add the contact tables of a surface at all states, in groups; describe the groups."""
     first = states[0].tables[name]
     columns: dict[str, npt.NDArray[Any]] = {}
     for column in first:
@@ -265,13 +247,6 @@ def _add_obstacle(
     they are stored exactly; later changes are compressed. An obstacle given by the points opposite
     to the face has one vertex per vertex of the face. A `RigidSurface` has vertices of its own, and
     their vectors start at the closest points of the face.
-
-    Args:
-        arrays: arrays of the page.
-        surface: outer surface before the deformation.
-        states: states of that surface.
-        face: description of the contact face, to which the obstacle is added.
-        allowed: largest admissible error of a vertex position.
 
     Returns:
         Largest error of a vertex position; and largest displacement of a vertex since the first
