@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Approximate solutions in a region of the search for a proof in 2D.
 
-A region consists of the allowed statuses of every point. The method is a semismooth Newton method
-on statuses: solve the linear equations for one status per point (`check_proof`), then assign to
-every point the allowed status required by its displacements and forces. If statuses repeat, only
-one point is changed per iteration. Nothing is proved here.
+A region consists of the allowed statuses of every point. The semismooth Newton method solves the
+linear equations for one status per point (`check_proof`), then assigns to every point the allowed
+status required by its displacements and forces. If statuses repeat, only one point is changed per
+iteration. Nothing is proved here.
 
-At points whose status is decided in the region, approximate solutions need not satisfy the
-inequalities of the law. In contrast to `laws.coulomb`, the normal force may have any sign at a
-point that must be closed, and friction is restricted to the allowed statuses.
+At points whose status is decided, approximate solutions need not satisfy the inequalities of the
+law: unlike in `laws.coulomb`, the normal force may have any sign at a point that must be closed,
+and friction is restricted to the allowed statuses.
 """
 
 from __future__ import annotations
@@ -82,11 +82,7 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield initial statuses of the points, shape (m,).
-
-    At first all points have the same status. Later starts are random, point by point or in blocks
-    of successive points.
-    """
+    """Yield initial statuses: one for all points, then random by points or blocks, shape (m,)."""
     for k in range(tries):
         if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
@@ -129,10 +125,9 @@ def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -
 
 
 def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
-    """Return the displacements ut, un and the forces rt, rn for given statuses.
+    """Return (ut, un, rt, rn) for given statuses, shape (m,) each, without error bounds.
 
-    They are computed without error bounds. They have the shape (m,) each for m points. None if the
-    linear equations are singular.
+    None if the linear equations are singular.
     """
     load = problem.p.copy()
     load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
@@ -158,10 +153,9 @@ def _required(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    """Return the allowed status that each of m points requires, shape (m,).
+    """Return the allowed status required by the state (ut, un, rt, rn) of each point, shape (m,).
 
-    It is determined by the displacements and forces (ut, un, rt, rn) in ``state``. For example, a
-    point closes if rn - rho un > 0, with the normal force rn and the normal displacement un.
+    For example, a point closes if rn - rho un > 0.
     """
     new = codes.copy()
     F = problem.friction

@@ -139,10 +139,9 @@ def positive_definite(Q: Array, error: Array) -> bool:
 
     The matrix is scaled by powers of two, without rounding, to a diagonal between 1/2 and 2. A
     symmetric perturbation changes eigenvalues by at most the largest absolute row sum of its
-    entries. Rump's theorem is used (BIT 46, 2006, theorem 2.3): a symmetric matrix A is positive
-    definite if, for some c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, the Cholesky factorisation of
-    A - c I succeeds in floating-point arithmetic. Here gamma_k = k u / (1 - k u) with the unit
-    round-off u = 2^-53, tr is the trace and I the identity matrix.
+    entries. Rump's theorem (BIT 46, 2006, theorem 2.3): a symmetric matrix A is positive definite
+    if the floating-point Cholesky factorisation of A - c I succeeds for some c >= gamma_{n+1} / (1
+    - gamma_{n+1}) tr A, with gamma_k = k u / (1 - k u) and the unit round-off u = 2^-53.
 
     Args:
         Q: exactly symmetric matrix, shape (n, n).
@@ -187,11 +186,11 @@ class Ball:
     """Array of real numbers with error bounds, |x - value| <= radius in every entry.
 
     The operators return a Ball containing the exact results for all numbers in their operands.
-    Operands that are arrays or numbers are exact. A single operation has a rounding error of at
-    most u |value| with the unit round-off u = 2^-53. A matrix product A B with inner dimension n
-    has an error of at most n u / (1 - n u) |A| |B| in any order of summation (Higham, Accuracy and
-    Stability of Numerical Algorithms, section 3.5). Errors of the operands are propagated including
-    the second-order term: for numbers x and y with the values X and Y and the radii dx and dy,
+    Operands that are arrays or numbers are exact. With the unit round-off u = 2^-53, a single
+    operation has a rounding error of at most u |value|, and a matrix product A B with inner
+    dimension n an error of at most n u / (1 - n u) |A| |B| in any order of summation (Higham,
+    Accuracy and Stability of Numerical Algorithms, section 3.5). Errors of the operands are
+    propagated including the second-order term: for x within dx of X and y within dy of Y,
 
         |xy - XY| <= |X| dy + dx (|Y| + dy).
 
@@ -308,10 +307,7 @@ def stack(balls: Sequence[Ball]) -> Ball:
 
 
 def hypot(a: Ball, b: Ball) -> Ball:
-    """Return the ball of (a^2 + b^2)^(1/2).
-
-    Its error is at most the Euclidean norm of the errors of ``a`` and ``b``, up to round-off.
-    """
+    """Return (a^2 + b^2)^(1/2); its error is at most the norm of both errors."""
     value = np.hypot(a.value, b.value)
     return Ball(value, up(np.hypot(a.radius, b.radius) + gamma(4) * value))
 
@@ -324,10 +320,9 @@ def solved(A: Ball, b: Ball) -> Ball | None:
     """Return a ball containing the solutions of A z = b for all A and b in their balls.
 
     Returns None if one of the matrices may be singular. Let z be an approximate solution, C an
-    approximate inverse of A, I the identity matrix, and G >= |I - C A| for all A in the ball, entry
-    by entry. If the maximum norm |G| is below 1, every A is regular. The exact solution z*
-    satisfies z* - z = C (b - A z) + (I - C A) (z* - z). With a vector v >= |C (b - A z)|, its
-    maximum norm |v| and the vector e of ones, this implies
+    approximate inverse of A, and G >= |I - C A| entrywise for all A in the ball. If the maximum
+    norm |G| is below 1, every A is regular. The exact solution z* satisfies z* - z = C (b - A z) +
+    (I - C A) (z* - z). For v >= |C (b - A z)| and the vector e of ones, this implies
 
         |z* - z| <= v + G e |v| / (1 - |G|)
 
@@ -379,11 +374,7 @@ CLOSED = 0b1110
 
 
 def has_status(allowed: Masks) -> npt.NDArray[np.bool_]:
-    """Return whether each status is in the set of each of m points, shape (m, 7).
-
-    Args:
-        allowed: sets of statuses as bit masks, shape (m,).
-    """
+    """Return a mask of the statuses in the bit mask of each of m points, shape (m, 7)."""
     return np.asarray((allowed[:, None] >> np.arange(7)) & 1 > 0)
 
 
@@ -483,10 +474,7 @@ class ReducedProblem:
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of all data of the problem, hexadecimal.
-
-        It includes the error bounds and identifies the problem.
-        """
+        """Hexadecimal SHA-256 hash of all data, including error bounds; identifies the problem."""
         return _digest(self.data)
 
     @property
@@ -632,15 +620,11 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 
 def bounded(problem: ReducedProblem) -> Array:
-    """Return upper bounds of six quantities at each of m points in 2D, shape (6, m).
+    """Return upper bounds of six quantities of m points at every solution in 2D, shape (6, m).
 
-    They hold at every solution. The quantities are nonnegative; in this order:
-
-    - ut+ and ut-, the positive and negative parts of the tangential displacement ut = ut+ - ut-;
-    - un, the normal displacement;
-    - s+ = F rn + g + rt and s- = F rn + g - rt, the slacks of the friction bound, with the friction
-      coefficient F, the prescribed bound g, and the normal and tangential forces rn, rt;
-    - rn, the normal force.
+    These nonnegative quantities are the parts ut+ and ut- of the tangential displacement ut = ut+ -
+    ut-, the normal displacement un, the slacks s+ = F rn + g + rt and s- = F rn + g - rt of the
+    friction bound (friction coefficient F, prescribed bound g), and the normal force rn.
     """
     m = problem.points
     e = _ellipsoid(problem)
@@ -715,10 +699,9 @@ class Dual:
 
         0 >= L = sum_i min_s h_is - y.p,    h_is = sum_j min(0, c_ij) ub_ij
 
-    with the coefficients c_ij of the quantities in y.(S a - r), the minimum over the allowed
-    statuses s of the point i, and the sum over the quantities that may be positive in the status s.
-    Where a friction bound is prescribed, the least contribution of the tangential force is added to
-    h_is. There is no solution if L > 0.
+    with the coefficients c_ij of the quantities in y.(S a - r), the allowed statuses s of the point
+    i, and the quantities j that may be positive in the status s. A prescribed friction bound adds
+    the least contribution of the tangential force to h_is. There is no solution if L > 0.
 
     Args:
         problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
@@ -734,10 +717,7 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients c_ij of the six quantities of `bounded` in y.(S a - r), shape (6, m).
-
-        They do not include the prescribed friction bound. The symbols are explained in `Dual`.
-        """
+        """Coefficients c_ij (`Dual`), excluding prescribed friction bounds, shape (6, m)."""
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -745,22 +725,12 @@ class Dual:
 
     @property
     def _shear(self) -> Array:
-        """Coefficients of s+ - s- = 2 rt in y.r at each of m points, shape (m,).
-
-        They are 0 where a friction bound is prescribed. Here s+ and s- are the slacks of the
-        friction bound (`bounded`), rt is the tangential force, and y and r are the multipliers and
-        the forces (`Dual`).
-        """
+        """Coefficients of the slack difference s+ - s- = 2 rt (`bounded`) in y.r (`Dual`)."""
         return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
 
     @property
     def _pressure(self) -> Array:
-        """Coefficients of s+ + s- = 2 F rn in y.r at each of m points, shape (m,).
-
-        They are 0 where F = 0. Here s+ and s- are the slacks of the friction bound (`bounded`), F
-        is the friction coefficient, rn the normal force, and y and r are the multipliers and the
-        forces (`Dual`).
-        """
+        """Coefficients of the slack sum s+ + s- = 2 F rn (`bounded`) in y.r (`Dual`)."""
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
@@ -779,18 +749,12 @@ class Dual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minimum of -yt rt for each point and status, shape (m, 7).
-
-        The tangential force rt is limited by the prescribed bound, |rt| <= g, and determined by it
-        if the point slips. yt is the tangential multiplier.
-        """
+        """Least -yt rt (multiplier yt, tangential force |rt| <= g) by status, shape (m, 7)."""
         most = (self.problem.g * self.y[0::2])[:, None]
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
     def least(self, ub: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return the least value of the terms of each point in y.(S a - r), shape (m, 7).
-
-        The second axis is the status of the point.
+        """Return the least contribution h_is (`Dual`) of each point i and status s, shape (m, 7).
 
         Args:
             ub: bounds of the quantities (`bounded`), shape (6, m).
@@ -806,10 +770,7 @@ class Dual:
         return np.einsum("msj,mj->ms", uses, per_slot) + self._given
 
     def round_off(self, ub: Array) -> float:
-        """Return a bound of the error of L (`Dual`) for the bounds ``ub`` of `bounded`.
-
-        It covers round-off and the errors of the stiffness matrix and the load.
-        """
+        """Return an error bound of L (`Dual`): round-off and errors of stiffness and load."""
         problem = self.problem
         y = np.abs(self.y)
         n = len(y)
@@ -843,11 +804,11 @@ class Dual:
         """Return an upper bound of a quantity of `bounded` at all solutions with allowed statuses.
 
         For the quantity x it follows from x = x - y.(S a - r - p), see `Dual`. It is infinite if x
-        does not appear in the lower bound L.
+        does not appear in L.
 
         Args:
             allowed: allowed statuses of the m points as bit masks, shape (m,).
-            ub: upper bounds of the six quantities of `bounded`, shape (6, m).
+            ub: upper bounds of the six quantities, shape (6, m).
             slot: index of the quantity.
             point: index of the point.
         """
@@ -869,12 +830,10 @@ class Dual:
 
 
 class _Piece:
-    """Solution of the equations with one prescribed status at each of m points (a *piece*).
-
-    Base class of the solutions in 2D and 3D.
+    """Solution in 2D or 3D of the equations with one prescribed status per point (a *piece*).
 
     Attributes:
-        numbers: displacements and forces of the points with error bounds, shape (m, 2 dim).
+        numbers: displacements and forces of the m points with error bounds, shape (m, 2 dim).
         inequalities: quantities that the law requires to be nonnegative, with error bounds.
     """
 
@@ -888,11 +847,7 @@ class _Piece:
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Verdict on the inequalities that the contact law requires.
-
-        ``"inside"``: all are certainly satisfied. ``"outside"``: one is certainly violated.
-        ``"border"``: undecided.
-        """
+        """Inequalities of the law: all certainly hold, one is certainly violated, or undecided."""
         if (self.inequalities.high < 0).any():
             return "outside"
         return "inside" if (self.inequalities.low > 0).all() else "border"
@@ -940,10 +895,7 @@ class PieceSolution(_Piece):
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative at each of m points, shape (m, 3).
-
-        Points with fewer than three such quantities have the value 1 in the remaining columns.
-        """
+        """Quantities that the law requires to be nonnegative, padded with ones, shape (m, 3)."""
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
@@ -961,8 +913,8 @@ class PieceSolution(_Piece):
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
     """Return the matrix of the equations for given statuses, shape (2 m, 2 m).
 
-    The unknowns of each of the m points are the tangential displacement, or force for stick, and
-    the normal displacement, or force for a closed point.
+    The unknowns of a point are the tangential displacement, or force for stick, and the normal
+    displacement, or force for a closed point.
 
     Args:
         S: stiffness matrix of the reduced problem, shape (2 m, 2 m).
@@ -1055,11 +1007,9 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 class _Row:
     """Inequality or equation for one component d_v of the difference d of two solutions.
 
-    Let w be the other component of the same point, and S_v and S_w the rows v and w of the
-    stiffness matrix. With f = S_v d + x S_w d, the row is either the equation f = 0 or the
-    inequality
-
-        d_v (f + k1 d_v) + k2 f^2 <= 0.
+    With the rows S_v and S_w of the stiffness matrix for d_v and the other component d_w of the
+    point, and f = S_v d + x S_w d, the row is the equation f = 0 or the inequality d_v (f + k1 d_v)
+    + k2 f^2 <= 0.
 
     Attributes:
         unknown: index v of the component.
@@ -1085,14 +1035,13 @@ class Differences:
     """Inequalities in 2D for the difference d = a - b of the displacements of two solutions.
 
     With f = R d, each row i is the inequality d_i (f_i + k1_i d_i) + k2_i f_i^2 <= 0 or the
-    equation f_i = 0. If a weighted sum of the inequalities and of the squares of the equations is
-    positive definite, then d = 0.
+    equation f_i = 0. If a weighted sum of the inequalities and the squared equations is positive
+    definite, then d = 0.
 
     Attributes:
         piece: the solution b, for one given status per point.
-        unknown: indices of the n components of d that may be nonzero, among 2 m for m points, shape
-            (n,).
-        rows: matrix R with f = R d, shape (n, n).
+        unknown: indices of the n components of d (of 2 m) that may be nonzero, shape (n,).
+        rows: matrix R, shape (n, n).
         tilts: matrix T, shape (n, n). A multiple theta_i of row i of T may be added to row i of R.
         equal: mask of the rows that are equations f = 0, shape (n,).
         k1: coefficients of the squares of d, shape (n,).
@@ -1125,15 +1074,14 @@ class Differences:
     def prove(self, weights: Array, theta: Array, mu: float) -> bool:
         """Return whether the weighted sum of the rows is proved to be positive definite.
 
-        The proof holds within all errors of the data and of rounding. It implies that the two
-        compared solutions are equal.
+        The proof covers all errors of the data and of rounding. It implies that the two compared
+        solutions are equal.
 
         Args:
-            weights: nonnegative weights of the inequalities, shape (n,); ignored for equations
-                f = 0.
-            theta: multiples of the rows of `tilts` that are added, shape (n,). |theta| <= 1 / F
-                with the friction coefficient F; ignored for rows outside `tilted`.
-            mu: nonnegative weight of the squares of the equations f = 0, dimensionless.
+            weights: nonnegative weights of the inequalities, shape (n,); ignored for equations.
+            theta: multiples of the rows of `tilts`, at most 1 / F in absolute value with the
+                friction coefficient F, shape (n,); ignored for rows outside `tilted`.
+            mu: nonnegative weight of the squares of the equations, dimensionless.
         """
         F = self.piece.problem.friction[self.unknown // 2]
         theta = np.where(self.tilted, theta, 0.0)
@@ -1160,8 +1108,7 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
     None if b does not provably satisfy the conditions of the inequalities.
 
     Args:
-        piece: solution b for one given status per point. Where only one status of a is allowed, b
-            must have it too.
+        piece: solution b. Where only one status of a is allowed, b must have it too.
         allowed: allowed statuses of a at the m points as bit masks, shape (m,).
         ub: upper bounds of the six quantities of `bounded` at a, shape (6, m).
     """
@@ -1189,11 +1136,9 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
 
 
 def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the inequalities and equations (`_Row`) of one point.
+    """Return the inequalities and equations of point ``i`` that compare a solution with ``piece``.
 
-    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
-    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
-    status.
+    None if ``piece`` does not provably satisfy the conditions of its status.
     """
     code = int(piece.codes[i])
     opens = bool(allowed & OPENED)
@@ -1232,11 +1177,9 @@ def _ratio(part: float, most: float) -> float:
 
 
 def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential inequalities (`_Row`) of a point with Coulomb friction.
+    """Return the tangential inequalities of point ``i`` with Coulomb friction (`_rows_of`).
 
-    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
-    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
-    status.
+    None if ``piece`` does not provably satisfy the conditions of its status.
     """
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
@@ -1268,11 +1211,9 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential inequality (`_Row`) of a point that slips or is open.
+    """Return the tangential inequality of point ``i``, open or slipping in ``piece`` (`_rows_of`).
 
-    The status is that of point ``i`` in ``piece``. The inequality compares any solution with
-    ``piece``. None if the solution of ``piece`` does not provably satisfy the conditions of its
-    status.
+    None if ``piece`` does not provably satisfy the conditions of its status.
     """
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
@@ -1302,11 +1243,9 @@ def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float
 
 
 def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the tangential inequalities (`_Row`) of a point with a prescribed friction bound.
+    """Return the tangential inequalities of point ``i`` with a prescribed bound (`_rows_of`).
 
-    At point ``i`` they compare any solution a, with the statuses ``allowed`` and the bounds ``ub``,
-    with the solution b of ``piece``. None if b does not provably satisfy the conditions of its
-    status.
+    None if ``piece`` does not provably satisfy the conditions of its status.
     """
     code = int(piece.codes[i])
     t = 2 * i
@@ -1374,20 +1313,16 @@ def rays(q: Array) -> Array:
 
 
 def directions(q: Array) -> Array:
-    """Return unit vectors at diamond angles (`rays`), shape (..., 2).
-
-    Their errors are a few units of round-off.
-    """
+    """Return unit vectors at diamond angles (`rays`), up to a few round-offs, shape (..., 2)."""
     ray = rays(q)
     return np.asarray(ray / np.sqrt((ray**2).sum(axis=-1, keepdims=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of all contact points, k in total, sorted by point.
+    """Cells of all contact points in 3D, k in total, sorted by point.
 
-    A cell is a set of states of a point in space: open, closed, stick, or slip along an arc of
-    directions.
+    A cell is a set of states of a point: open, closed, stick, or slip along an arc of directions.
 
     Attributes:
         node: index of the point of each cell, in increasing order, shape (k,).
@@ -1481,10 +1416,10 @@ class Cells:
 
 
 def bounded_in_space(problem: ReducedProblem) -> Array:
-    """Return upper bounds of the `MOST` quantities of each of m points in 3D, shape (MOST, m).
+    """Return upper bounds of the `MOST` quantities of m points at every solution in 3D.
 
-    They hold at every solution. The quantities are, in this order: -ut1, ut1, -ut2, ut2 and un with
-    the tangential and normal displacements ut1, ut2 and un; -s and s with the slip distance s; -rn
+    The shape is (MOST, m). The quantities are -ut1, ut1, -ut2, ut2 and un with the tangential
+    displacements ut1 and ut2 and the normal displacement un; -s and s with the slip distance s; -rn
     and rn with the normal force rn; and rn of a sticking point.
     """
     e = _ellipsoid(problem)
@@ -1535,8 +1470,8 @@ class SpaceDual:
 
         0 >= L = sum_i min_c h_ic - y.p
 
-    with the minimum over the cells c of the point i (`Cells`), where h_ic is the minimum of the
-    contribution of the point to y.(S a - r) in the cell. There is no solution if L > 0.
+    with the cells c of the point i (`Cells`) and the minimum h_ic, in the cell, of the contribution
+    of the point to y.(S a - r). There is no solution if L > 0.
 
     Args:
         problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
@@ -1556,10 +1491,7 @@ class SpaceDual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -yt.rt over tangential forces |rt| <= g at each of m points, shape (m,).
-
-        yt are the tangential multipliers and g is the prescribed friction bound.
-        """
+        """Least -yt.rt (multipliers yt, tangential forces |rt| <= g) by point, shape (m,)."""
         y = self._of_r
         return -self.problem.g * np.hypot(y[:, 0], y[:, 1])
 
@@ -1625,11 +1557,7 @@ class SpaceDual:
         return best
 
     def round_off(self, most: Array) -> float:
-        """Return an error bound of the lower bound L of `SpaceDual`.
-
-        It covers round-off and the errors of the stiffness matrix and the load. ``most`` contains
-        the bounds of `bounded_in_space`.
-        """
+        """Return an error bound of L (`SpaceDual`): round-off and errors of stiffness and load."""
         problem = self.problem
         n = len(self.y)
         y = np.abs(self.y)
@@ -1653,8 +1581,8 @@ class SpaceDual:
 
         Args:
             cells: cells of all points.
-            most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
-            margin: required ratio of the lower bound L of `SpaceDual` to its error bound.
+            most: bounds of the quantities of `bounded_in_space`, shape (MOST, m).
+            margin: required ratio of L (`SpaceDual`) to its error bound.
         """
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
@@ -1681,9 +1609,7 @@ class SpaceDual:
 
 
 def ends_of(most: Array, quantity: int) -> tuple[Array, Array]:
-    """Return a lower and an upper bound of the slip or normal force at each of m points.
-
-    Both have the shape (m,) and are at least 0.
+    """Return nonnegative lower and upper bounds of the slip or normal force, shape (m,) each.
 
     Args:
         most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
@@ -1733,13 +1659,12 @@ class SpacePiece(_Piece):
     Attributes:
         problem: reduced problem scaled by `ReducedProblem.scaled`.
         codes: prescribed statuses, shape (m,).
-        z: approximate unknowns, shape (m, 3). The first two are the tangential displacements, the
-            tangential forces for stick, or the slip distance and the angle of the slip direction.
-            The third is the normal displacement, or the normal force of a closed point.
+        z: approximate unknowns, shape (m, 3): tangential displacements, tangential forces for
+            stick, or slip distance and angle of the slip direction; then the normal displacement,
+            or the normal force of a closed point.
         e: approximate slip directions, 0 for other points, shape (m, 2).
         inverse: approximate inverse C of the Jacobian of the equilibrium, shape (3 m, 3 m).
-        residual: bounds of the absolute values of C f, with the residual f of the equilibrium at z,
-            shape (3 m,).
+        residual: bounds of |C f| with the equilibrium residual f at z, shape (3 m,).
         radius: radii of the ball around z containing the solution, shape (m, 3).
     """
 
@@ -1758,10 +1683,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def turn(self) -> Array:
-        """Error bounds of the components of the slip directions of m points, shape (m,).
-
-        They are 0 for points without a slip direction.
-        """
+        """Error bounds of the components of the slip directions, 0 without slip, shape (m,)."""
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
@@ -1771,11 +1693,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """Displacements and forces of the m points with error bounds, shape (m, 6).
-
-        The columns are ut1, ut2, un, rt1, rt2 and rn: two tangential components and the normal
-        component of the displacement, then those of the force.
-        """
+        """Displacements and forces (ut1, ut2, un, rt1, rt2, rn) with error bounds, shape (m, 6)."""
         return space_state(self.problem, self.codes, *self.unknowns)
 
     @cached_property
@@ -1790,20 +1708,14 @@ class SpacePiece(_Piece):
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be nonnegative at each of m points, shape (m, 2).
-
-        Points with only one such quantity have the value 1 in the second column.
-        """
+        """Quantities that the law requires to be nonnegative, padded with ones, shape (m, 2)."""
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
 
     @cached_property
     def _alone(self) -> Array:
-        """Radii of a ball around `z` proved to contain no other solution, shape (m, 3).
-
-        It is the largest of a few multiples of the ball with the radii `radius`.
-        """
+        """Largest radii tried around `z` that provably enclose no other solution, shape (m, 3)."""
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():
@@ -1855,10 +1767,9 @@ def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball 
 
 
 def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return the Jacobian matrix of the equilibrium residual, shape (3 m, 3 m).
+    """Return the Jacobian of the equilibrium residual S a - r - p, shape (3 m, 3 m).
 
-    Its columns belong to the unknowns ``z`` of `SpacePiece`. The residual is S a - r - p with the
-    stiffness matrix S, displacements a, forces r and load p. The arguments are those of
+    Its columns belong to the unknowns ``z`` of `SpacePiece`. The arguments are explained in
     `space_state`.
     """
     z, e = Ball.of(z), Ball.of(e)
@@ -1887,15 +1798,10 @@ def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ba
 
 
 def _growth(piece: SpacePiece, radius: Array) -> Array:
-    """Return the left-hand side of Krawczyk's test on a ball, shape (3 m,) for m points.
+    """Return the left-hand side |C f| + |I - C J| r of Krawczyk's test on a ball, shape (3 m,).
 
-    It is |C f| + |I - C J| r with the residual f, its Jacobian J in the ball, an approximate
-    inverse C, the identity matrix I and the radii r. If it is below r, the ball contains exactly
-    one solution.
-
-    Args:
-        piece: approximate solution at the centre of the ball.
-        radius: radii r of the ball, shape (m, 3).
+    If it is below the radii r, the ball contains exactly one solution. f is the residual, J its
+    Jacobian in the ball, C an approximate inverse and I the identity.
     """
     turn = np.where(piece.slips, radius[:, 1] + 16 * _U, 0.0)
     unknowns = Ball(piece.z, radius), Ball(piece.e, np.stack([turn, turn], axis=1))
@@ -1905,10 +1811,7 @@ def _growth(piece: SpacePiece, radius: Array) -> Array:
 
 
 def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Ball:
-    """Return the equilibrium residual of given unknowns with error bounds, shape (3 m,).
-
-    The arguments are those of `space_state`. The round-off of the slip directions is included.
-    """
+    """Return the equilibrium residual, including the round-off of slip directions, shape (3 m,)."""
     turn = np.where(_slipping(problem, codes), 16 * _U, 0.0)
     state = space_state(problem, codes, z, Ball(e, np.stack([turn, turn], axis=1)))
     a, r = (state[:, columns].reshape(-1) for columns in (slice(0, 3), slice(3, 6)))
@@ -1918,7 +1821,7 @@ def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> B
 def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiece | None:
     """Solve a 3D problem with one given status per point, near given unknowns.
 
-    None if Krawczyk's test (`_growth`) does not prove that there is a solution.
+    None if Krawczyk's test (`_growth`) does not prove a solution.
 
     Args:
         problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
@@ -1969,13 +1872,13 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
 
 
 def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
-    """Return whether the cells provably contain no solution except that of ``piece``.
+    """Return whether the cells provably contain no solution except ``piece``.
 
-    An interval matrix that maps the difference of two solutions to 0 is proved to be regular.
+    An interval matrix mapping the difference of two solutions to 0 is proved to be regular.
 
     Args:
         piece: solution for one given status per point.
-        cells: cells of all points; at each point all of them have the kind of this status.
+        cells: cells of all points, at each point only of the kind of its status.
         most: upper bounds of the quantities of `bounded_in_space`, shape (MOST, m).
     """
     problem = piece.problem
@@ -2108,10 +2011,7 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
 
 
 def _force(problem: ReducedProblem, i: int, direction: Array) -> Ball:
-    """Return a vector with F times a direction at point ``i``, 0 elsewhere, shape (3 m,).
-
-    F is the friction coefficient of the point.
-    """
+    """Return a vector with F times a direction at point ``i`` and 0 elsewhere, shape (3 m,)."""
     found = Ball(np.zeros(len(problem.p)), np.zeros(len(problem.p)))
     found.put(slice(3 * i, 3 * i + 2), problem.friction[i] * Ball.of(direction))
     return found
@@ -2194,10 +2094,9 @@ class SpaceDifferences:
 
     @cached_property
     def rows(self) -> Array:
-        """Matrices that map the unknowns to (d, e) at each of m points, shape (m, 6, n).
+        """Matrices mapping the n free components of d to d and S d, shape (m, 6, n).
 
-        The unknowns are the n components of d that may be nonzero. Here d is the difference of the
-        displacements of two solutions, and e = S d with the stiffness S.
+        d is the difference of two solutions and S the stiffness matrix.
         """
         m = self.problem.points
         found = np.zeros((m, _ROWS, len(self.unknown)))
@@ -2208,8 +2107,8 @@ class SpaceDifferences:
     def prove(self, weights: Array, mu: float) -> bool:
         """Return whether the weighted sum of the forms is proved to be positive definite.
 
-        The proof holds within all errors of the data and of rounding. It implies that the two
-        compared solutions are equal.
+        The proof covers all errors of the data and of rounding. It implies that the two compared
+        solutions are equal.
 
         Args:
             weights: nonnegative weights of the forms, ignored where a form is absent, shape (9, m).
@@ -2294,10 +2193,9 @@ class _Forms:
         self.parts: list[tuple[Array, Array, Array, Array]] = []
 
     def add(self, family: int, i: int, factor: float, x: Ball, y: Ball) -> None:
-        """Add the product factor x y to the quadratic form of a family at point ``i``.
+        """Add factor x y, with linear forms x and y of (d, e), to a family at point ``i``.
 
-        x and y are linear forms of (d, e), see `SpaceDifferences`. The factor must be exact or a
-        safe bound.
+        The factor must be exact or a safe bound.
         """
         self.places.append((family, i))
         self.factors.append(factor)
@@ -2322,12 +2220,7 @@ class _Forms:
 
 
 def _linear(**parts: tuple[float, float]) -> Ball:
-    """Return a linear form of (d, e), see `SpaceDifferences`.
-
-    Args:
-        **parts: coefficient and its error bound for the components "d1", "d2", "dn", "e1", "e2" and
-            "en"; by default 0.
-    """
+    """Return a linear form of d and e with the given (coefficient, error bound) pairs."""
     names = ("d1", "d2", "dn", "e1", "e2", "en")
     value = np.zeros(_ROWS)
     away = np.zeros(_ROWS)
@@ -2343,12 +2236,10 @@ _E = (_linear(e1=_ONE), _linear(e2=_ONE), _linear(en=_ONE))
 
 
 def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
-    """Return the slip direction at point ``i``, its error bound, and a bound of the slip.
+    """Return the slip direction at point ``i``, its error bound, and a lower bound of the slip.
 
-    The direction is -rt / (F rn) if the point sticks, with the forces rt and rn and the friction
-    coefficient F. The error bound applies to its components. The last number is a lower bound of
-    the length of the tangential displacement. None if no error bound is available, because the
-    forces or the displacement may be zero.
+    At a sticking point the direction is -rt / (F rn). None if no error bound is available, because
+    the forces or the displacement may be zero.
     """
     F = float(piece.problem.friction[i])
     state, away = piece.state[i], piece.away[i]
@@ -2564,11 +2455,7 @@ class Certificate:
     force_unit: float = 1.0
 
     def vector(self, y: Array) -> int:
-        """Store a vector of multipliers and return its index in `vectors`.
-
-        Args:
-            y: multipliers of the equilibrium equations of m points, shape (dim m,).
-        """
+        """Store a vector of multipliers, shape (dim m,), and return its index in `vectors`."""
         if not self.vectors or self.vectors[-1] is not y:
             self.vectors.append(y)
         return len(self.vectors) - 1
@@ -2580,10 +2467,7 @@ class Certificate:
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of the steps and the vectors, hexadecimal.
-
-        It includes `force_unit` if this is not 1.
-        """
+        """SHA-256 hash of the steps, the vectors and, if not 1, `force_unit`, hexadecimal."""
         unit = {} if self.force_unit == 1.0 else {"force_unit": np.array(self.force_unit)}
         return _digest({"vectors": self._table} | unit, json.dumps(self.steps))
 
@@ -2735,9 +2619,7 @@ class Proved:
         return in_words(number, len(self.border), len(self.singular), len(self.open_regions))
 
     def add(self, piece: PieceSolution | SpacePiece) -> None:
-        """Add a solution to `inside` or `border`, unless it is already included.
-
-        A solution of the equations that certainly violates the law is ignored.
+        """Add a solution to `inside` or `border`, unless included or certainly violating the law.
 
         Raises:
             InvalidCertificate: if two solutions in 3D cannot be distinguished.
@@ -2770,19 +2652,15 @@ class _Region:
 
     @property
     def limits(self) -> tuple[Any, Array]:
-        """Remaining statuses or cells of the region, and the bounds of the solutions in them.
-
-        They are the first two arguments of `Dual.impossible` and `SpaceDual.impossible`.
-        """
+        """Remaining statuses or cells, and bounds: first arguments of `impossible` of the dual."""
         raise NotImplementedError
 
     def excluded(self, y: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Return a mask of the statuses, shape (m, 7), or cells, shape (k,), that are excluded.
+        """Return a mask of the excluded statuses, shape (m, 7), or cells, shape (k,).
 
         Args:
-            y: multipliers (`Dual`, `SpaceDual`), shape (dim m,) for m points.
-            margin: required ratio of the lower bound L of the dual to its error bound; by default
-                1.
+            y: multipliers (`Dual`, `SpaceDual`), shape (dim m,).
+            margin: required ratio of the dual bound L to its error bound; by default 1.
         """
         return np.asarray(self.dual(y).impossible(*self.limits, margin))
 
@@ -2809,12 +2687,9 @@ class StatusRegion(_Region):
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
     def held(self, allowed: Masks) -> StatusRegion:
-        """Return a copy of the region with other allowed statuses.
+        """Return a copy of the region with other allowed statuses, bit masks of shape (m,).
 
         The bounds of quantities that vanish in all of these statuses are set to 0.
-
-        Args:
-            allowed: allowed statuses of the m points as bit masks, shape (m,).
         """
         return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
@@ -2836,11 +2711,7 @@ class StatusRegion(_Region):
         return self.allowed, self.ub
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether all remaining statuses of some point are excluded.
-
-        Args:
-            excluded: mask of the excluded statuses of the m points, shape (m, 7).
-        """
+        """Return whether a mask, shape (m, 7), excludes all remaining statuses of some point."""
         return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
     def limit(self, slot: int, point: int, value: float) -> None:
@@ -2883,17 +2754,13 @@ class StatusRegion(_Region):
         return parts
 
     def opened(self, _: dict[str, Any]) -> Masks:
-        """Return the allowed statuses of the m points, about which nothing is proved.
-
-        They are bit masks, shape (m,).
-        """
+        """Return the allowed statuses, about which nothing is proved, as bit masks, shape (m,)."""
         return self.allowed
 
     def only(self, step: dict[str, Any]) -> PieceSolution:
-        """Return the only possible solution of the region, stored in an ``only`` step.
+        """Return the only possible solution in an ``only`` step, after proving this.
 
-        It is proved that no other solution is possible. The inequalities of the law are not
-        checked, so that it need not be a solution itself.
+        The inequalities of the law are not checked, so that it need not be a solution itself.
 
         Raises:
             InvalidCertificate: if uniqueness is not proved.
@@ -2916,8 +2783,7 @@ class OpenCells:
 
     Attributes:
         cells: cells of all points.
-        most: upper bounds of the quantities of `bounded_in_space` in these cells, in scaled units,
-            shape (MOST, m) for m points.
+        most: scaled bounds of the quantities of `bounded_in_space` in the cells, shape (MOST, m).
         why: reason why nothing is proved, human-readable.
     """
 
@@ -2958,11 +2824,7 @@ class SpaceRegion(_Region):
         return cls(problem, Cells.whole(problem), bounded_in_space(problem))
 
     def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
-        """Return the region restricted to some of its k cells.
-
-        Args:
-            keep: mask of the cells that remain, shape (k,).
-        """
+        """Return the region restricted to the cells selected by a mask, shape (k,)."""
         return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
 
     @property
@@ -2978,11 +2840,7 @@ class SpaceRegion(_Region):
         return self.cells, self.most
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Return whether all cells of some point are excluded.
-
-        Args:
-            excluded: mask of the excluded ones of the k cells, shape (k,).
-        """
+        """Return whether a mask, shape (k,), excludes all cells of some point."""
         return bool(np.logical_and.reduceat(excluded, self.cells.first).any())
 
     def limit(self, quantity: int, point: int, value: float) -> None:
@@ -3014,8 +2872,7 @@ class SpaceRegion(_Region):
         """Return the parts into which a ``branch`` step divides the region, the last part first.
 
         Raises:
-            InvalidCertificate: if the parts do not cover all cells of the point, or a part has no
-                cell.
+            InvalidCertificate: if the parts miss a cell of the point, or a part has no cell.
         """
         here = self.cells.node == _index(step["point"], self.problem.points)
         left = here.copy()
@@ -3037,10 +2894,9 @@ class SpaceRegion(_Region):
         return OpenCells(self.cells, self.most, str(step["why"]))
 
     def only(self, step: dict[str, Any]) -> SpacePiece:
-        """Return the only possible solution of the region, from an ``only`` or a ``leaf`` step.
+        """Return the only possible solution in an ``only`` or ``leaf`` step, after proving this.
 
-        It is proved that no other solution is possible. The inequalities of the law are not
-        checked, so that it need not be a solution itself.
+        The inequalities of the law are not checked, so that it need not be a solution itself.
 
         Raises:
             InvalidCertificate: if uniqueness is not proved.
@@ -3171,15 +3027,8 @@ def _all_pieces(
 ) -> None:
     """Solve the equations of a region for every choice of one allowed status per point.
 
-    This checks a ``pieces`` step. Choices with singular equations are skipped if a vector of
-    multipliers proves that they have no solution.
-
-    Args:
-        certificate: proof containing the vectors.
-        singular: pairs of such a choice of statuses and the index of the vector that proves it
-            empty.
-        region: region with the allowed statuses.
-        proved: container to which the proved statements are added.
+    This checks a ``pieces`` step. ``singular`` contains pairs of a choice with singular equations
+    and the index of the vector of multipliers proving that they have no solution.
     """
     if region.pieces > MOST_PIECES:
         raise InvalidCertificate("a leaf has too many pieces")
@@ -3199,10 +3048,7 @@ def _all_pieces(
 
 
 def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
-    """Return the statuses in a step of a proof after checking that the law admits them.
-
-    The shape is (m,) for m points.
-    """
+    """Return the statuses in a step, shape (m,), after checking that the law admits them."""
     codes = step["codes"]
     if len(codes) != problem.points:
         raise InvalidCertificate("statuses do not fit")

@@ -3,9 +3,9 @@ r"""Linear program over the convex hull of a region of cells (`check_proof.Cells
 
 Every cell is contained in a polytope of states (a, r), the displacement and the force of a point: a
 box for open points; a cone over an octagon around the friction disc for stick; and for slip, the
-convex hull of corners. These corners have the smallest and largest slip distance and normal force,
-in the directions of both ends of the arc and of the intersection of their tangents. The tangential
-force at a point with a prescribed friction bound has an octagon of its own.
+convex hull of the smallest and largest slip distances and normal forces in the directions of both
+ends of the arc and of the intersection of their tangents. A tangential force with a prescribed
+bound has its own octagon.
 
 At a solution, the state of every point is a convex combination of the corners, and the equilibrium
 S a - r = p holds with the stiffness matrix S and the load p. Multipliers of an infeasible program
@@ -50,10 +50,8 @@ class Hull:
         most: upper bounds of the quantities of `check_proof.bounded_in_space`, shape (MOST, m).
 
     Attributes:
-        corners: displacement and force of a point for each of the k columns of the program, shape
-            (k, 6).
-        cell: index of the cell of each column, shape (k,); -1 for tangential forces with a
-            prescribed bound.
+        corners: displacement and force of a point for each of the k columns, shape (k, 6).
+        cell: index of the cell of each column, shape (k,); -1 for prescribed friction bounds.
         node: index of the contact point of each column, shape (k,).
     """
 
@@ -104,9 +102,7 @@ class Hull:
         return None if y is None else self._scaled(-y)
 
     def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
-        """Return multipliers that bound a quantity from above, shape (3 m,) for m points.
-
-        None if no multipliers were found.
+        """Return multipliers bounding a quantity from above, shape (3 m,); None if not found.
 
         Args:
             quantity: index of the quantity of `check_proof.bounded_in_space`.
@@ -132,10 +128,7 @@ class Hull:
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Displacements and forces at the solution of the last linear program.
-
-        They have the shape (m, 3) each for m points.
-        """
+        """Displacements and forces at the solution of the last program, shape (m, 3) each."""
         x = self._simplex.point[:, None] * self.corners
         found = np.zeros((self.problem.points, 6))
         np.add.at(found, self.node, x)
@@ -154,12 +147,7 @@ def _value(corners: Array, quantity: int) -> Array:
 
 
 def _corners(problem: ReducedProblem, cells: Cells, most: Array) -> tuple[Array, Ints]:
-    """Return the corners of the polytopes of all cells, sorted by cell.
-
-    Returns:
-        Displacements and forces at the corners, shape (k, 6), and indices of their cells, shape
-        (k,).
-    """
+    """Return displacements and forces at the corners, shape (k, 6), and their cells, shape (k,)."""
     parts = []
     numbers = []
     made = (_of_open, _of_stick, _of_slip, _of_closed)
@@ -185,16 +173,8 @@ def _of_closed(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -
 def _boxes(nodes: Ints, most: Array, column: int, low: Array, high: Array) -> Array:
     """Return the corners of boxes of tangential displacement and one normal component.
 
-    The shape is (k, 8, 6): 8 corners for each of k points, with the displacement and the force.
-
-    Args:
-        nodes: indices of the k points.
-        most: upper bounds of the quantities of `check_proof.bounded_in_space`, shape (MOST, m) for
-            m points in total.
-        column: column of the normal component: 2 for the normal displacement, 5 for the normal
-            force.
-        low: smallest value of this component at each point, shape (m,).
-        high: largest value of this component at each point, shape (m,).
+    For k points the shape is (k, 8, 6). ``column`` is 2 for the normal displacement or 5 for the
+    normal force, between ``low`` and ``high``, shape (m,) each.
     """
     found = np.zeros((len(nodes), 8, 6))
     corner = np.arange(8)

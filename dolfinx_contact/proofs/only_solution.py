@@ -3,10 +3,10 @@
 
 The *certificate of one point* compares all solutions with the given one by quadratic inequalities
 (`check_proof.Differences`), for the whole problem at once. It is tried first; in 2D it needs a few
-eigenvalue problems of the size of the reduced problem. If it does not hold, Newton's method
-searches for a second solution from several starts. Then, in 2D, the certificate is tried with more
-iterations for its weights. With a positive time limit, both searches use more effort, and branch
-and bound follows.
+eigenvalue problems of the size of the reduced problem. If it fails, Newton's method searches for a
+second solution from several starts. Then, in 2D, the certificate is tried with more iterations for
+its weights. With a positive time limit, both searches use more effort, and branch and bound
+follows.
 """
 
 from __future__ import annotations
@@ -67,10 +67,9 @@ def is_only(
 
     Args:
         problem: reduced problem with m contact points.
-        solution: in 2D the statuses of the solution, shape (m,); in 3D its displacements and
-            forces, shape (m, 6).
+        solution: statuses, shape (m,), in 2D; displacements and forces, shape (m, 6), in 3D.
         proof_seconds: time limit of branch and bound if the certificate of one point (see the
-            module) does not hold; by default 0. If positive, the other methods use more starts and
+            module) fails; by default 0. If positive, the other methods use more starts and
             iterations.
     """
     more = proof_seconds > 0
@@ -111,11 +110,7 @@ def is_only(
 def _of_one_point(
     problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    """Return a proof of uniqueness that consists of one step; None if none is found.
-
-    Without a load, this is a ``rest`` step; otherwise the step compares all solutions with
-    ``piece``.
-    """
+    """Return a proof of uniqueness by one step, ``rest`` or ``only``; None if it fails."""
     search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
     region = whole_region(search.problem)
     if search.step(region, do="rest") is not None:
@@ -148,14 +143,7 @@ def _another(
 
 
 def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
-    """Return whether the statuses (in 2D) or the state (in 3D) agree with ``solution``.
-
-    Args:
-        dim: dimension, 2 or 3.
-        codes: statuses of the m points, shape (m,).
-        state: displacements and forces of the points, shape (m, 2 dim).
-        solution: statuses, shape (m,), in 2D; displacements and forces, shape (m, 6), in 3D.
-    """
+    """Return whether the statuses (in 2D) or displacements and forces (in 3D) agree."""
     if dim == 2:
         return np.array_equal(codes, solution)
     for part in (slice(0, 3), slice(3, 6)):

@@ -40,10 +40,7 @@ def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
 
 
 def _directions(slips: Mask, z: Array) -> Array:
-    """Return the slip directions of m points, 0 at points that do not slip, shape (m, 2).
-
-    ``z`` contains the unknowns (`check_proof.SpacePiece`), with the angles in column 1.
-    """
+    """Return slip directions for the unknowns z, 0 at points that do not slip, shape (m, 2)."""
     e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
     return np.where(slips[:, None], e, 0.0)
 
@@ -53,7 +50,7 @@ def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array
 
     Args:
         problem: reduced problem with m points.
-        codes: statuses of the points, shape (m,).
+        codes: statuses, shape (m,).
         a: displacements, shape (m, 3).
         r: forces, shape (m, 3).
     """
@@ -100,10 +97,7 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
 
 
 def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
-    """Return the displacements and the forces of m points, shape (m, 3) each.
-
-    They are computed from the unknowns ``z`` (`check_proof.SpacePiece`) for the statuses ``codes``.
-    """
+    """Return displacements and forces for unknowns z (`SpacePiece`), shape (m, 3) each."""
     e = _directions(_slips(problem, codes), z)
     state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
@@ -116,8 +110,7 @@ def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -
         problem: reduced problem, scaled by `ReducedProblem.scaled`.
         a: displacements, shape (m, 3).
         r: forces, shape (m, 3).
-        small: normal force below which a point is open, and tangential displacement below which it
-            sticks; by default 1e-9.
+        small: largest normal force of open points and slip of sticking points; by default 1e-9.
     """
     closed = r[:, 2] >= small
     still = np.hypot(a[:, 0], a[:, 1]) < small
@@ -143,7 +136,7 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
 
 
 def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
-    """Return the allowed status that fits best to the state of each of m points, shape (m,).
+    """Return the allowed status closest to the state of each of m points, shape (m,).
 
     Args:
         problem: reduced problem, scaled by `ReducedProblem.scaled`.
@@ -169,15 +162,7 @@ def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
 def _given_code(
     problem: ReducedProblem, i: int, allowed: frozenset[int], push: float, sticks: bool
 ) -> int:
-    """Return the status of point ``i``, which has no Coulomb friction.
-
-    Args:
-        problem: reduced problem.
-        i: index of the point.
-        allowed: allowed kinds of cells (`check_proof.Cells`).
-        push: value that is positive if the point closes.
-        sticks: whether the point sticks if a friction bound is prescribed.
-    """
+    """Return the status of point ``i`` without Coulomb friction; it closes if ``push`` > 0."""
     closed = IN_CLOSED in allowed and (IN_OPEN not in allowed or push > 0)
     if problem.g[i] == 0:
         return 2 if closed else 0
@@ -187,18 +172,17 @@ def _given_code(
 def relaxed(
     problem: ReducedProblem, kinds: Kinds, codes: Codes, z: Array | None
 ) -> tuple[Codes, Array | None]:
-    """Search for statuses in a region at which all undecided points satisfy the law.
+    """Search a region for statuses at which all undecided points satisfy the law.
 
-    Undecided points have cells of several kinds. Their statuses are updated as required by their
-    displacements and forces until they do not change. Decided points may violate the inequalities
-    of the law.
+    The statuses of undecided points, whose cells have several kinds, are updated as required by
+    their displacements and forces until they do not change. Decided points may violate the
+    inequalities.
 
     Args:
         problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
         kinds: kinds of the cells (`check_proof.Cells`) of each point.
         codes: initial statuses, shape (m,).
-        z: unknowns (`check_proof.SpacePiece`) for the initial statuses, shape (m, 3); None if there
-            is no solution.
+        z: unknowns (`check_proof.SpacePiece`) for them, shape (m, 3); None without a solution.
 
     Returns:
         Statuses, shape (m,), and unknowns, shape (m, 3); None instead of the unknowns if the
@@ -225,11 +209,7 @@ def relaxed(
 def _required(
     problem: ReducedProblem, i: int, kinds: frozenset[int], a: Array, r: Array, code: int
 ) -> int:
-    """Return the status required by the displacement ``a`` and the force ``r`` of a point.
-
-    ``i`` is the index of the point. Only the kinds of cells in ``kinds`` are allowed. ``code`` is
-    the present status.
-    """
+    """Return the status that displacement and force of point ``i`` require, among ``kinds``."""
     push = float(r[2] - a[2])
     pull = float(np.hypot(*(r[:2] - a[:2])))
     F = float(problem.friction[i])

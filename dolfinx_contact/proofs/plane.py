@@ -240,10 +240,7 @@ def _parts(mask: int, which: int) -> list[int]:
 
 
 def _order(region: StatusRegion) -> Ints:
-    """Return the order in which undecided points are tested: the middle one first.
-
-    The points on both sides of it follow in the same order.
-    """
+    """Return the undecided points: the middle one first, then both halves in the same way."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
     spans = [(0, len(left))]

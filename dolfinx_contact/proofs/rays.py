@@ -5,8 +5,8 @@ A *ray* is an outgoing direction (da, dr, dgamma) of displacements a, forces r a
 A point with zero tangential and normal displacement and no force is at the *apex*: its tangent cone
 is the contact law itself. All other points must be strictly open (dr = 0), stuck (da = 0) or
 pressed without friction (drt = dun = 0 for the tangential force and the normal displacement). They
-then satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q, where S is the stiffness
-matrix and q the derivative of the load:
+then satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q, with the stiffness matrix S
+and the derivative q of the load:
 
     S' = S_kk - S_ke S_ee^{-1} S_ek,    q' = q_k - S_ke S_ee^{-1} q_e
 
@@ -22,9 +22,9 @@ With an approximation Z of S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z,
 
     S_ke S_ee^{-1} S_ek = S_ke Z + Z^T R + R^T S_ee^{-1} R.
 
-Therefore the error of the entry (i, j) of S_kk - S_ke Z is at most that of |Z^T R| plus
-|R_i| |R_j| / lambda, with the columns R_i of R and the least eigenvalue lambda of S_ee. The error
-of the entry i of q_k - Z^T q_e is at most |R_i| |q_e| / lambda.
+With the columns R_i of R and the least eigenvalue lambda of S_ee, the error of the entry (i, j) of
+S_kk - S_ke Z is at most that of |Z^T R| plus |R_i| |R_j| / lambda, and the error of the entry i of
+q_k - Z^T q_e is at most |R_i| |q_e| / lambda.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class ProvedRays:
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
-        rays: proved rays, each given by the statuses of the m points, shape (m,), and dgamma, 1 or
-            -1 for increasing or decreasing gamma.
+        rays: proved rays: statuses of the m points, shape (m,), and the sign dgamma of the change
+            of gamma, 1 or -1.
         method: description of the proof, human-readable.
     """
 
@@ -64,8 +64,7 @@ class ProvedRays:
 class Apex:
     """Reduced problem whose solutions are the outgoing rays of a state.
 
-    Its points have zero displacement and zero force in this state (they are at the *apex*); all
-    other points are eliminated.
+    Only points with zero displacement and force (at the *apex*) remain; others are eliminated.
 
     Attributes:
         problem: reduced problem; its load is the derivative of the load with respect to gamma.
@@ -82,8 +81,7 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
     """Return the reduced problem of the outgoing rays, or the reason why it does not exist.
 
     Args:
-        whole: reduced problem of all points, with the derivative of the load with respect to gamma
-            as the load.
+        whole: reduced problem of all points; its load is the derivative with respect to gamma.
         system: affine system of the contact points at the state.
         cone: tangent cone of the system at the state.
 
@@ -117,9 +115,8 @@ def _eliminated(
     """Return the reduced problem after elimination of the free components, with error bounds.
 
     Args:
-        whole: reduced problem of all points, with the derivative of the load with respect to gamma
-            as the load.
-        k: indices of the components that remain, those of points at the apex.
+        whole: reduced problem of all points; its load is the derivative with respect to gamma.
+        k: indices of the remaining components, at the apex.
         e: indices of the free components, which are eliminated.
         friction: friction coefficients of the points at the apex.
     """

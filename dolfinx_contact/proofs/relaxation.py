@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Linear programs that exclude statuses in the search for a proof in 2D.
 
-The programs contain the equilibrium equations. At each point, the six nonnegative quantities of
-`check_proof.bounded` are limited by their bounds. Two quantities x and y with the bounds X and Y
-that are never both nonzero in an allowed status satisfy x / X + y / Y <= 1. The five quantities of
-a point with Coulomb friction exclude each other in a cycle, so that the sum of their ratios to
-their bounds is at most 2. These inequalities describe the convex hull of the statuses and are added
-when they are violated.
+The programs contain the equilibrium equations. The six nonnegative quantities of each point
+(`check_proof.bounded`) are limited by their bounds. Two quantities x <= X and y <= Y that are never
+both nonzero in an allowed status satisfy x / X + y / Y <= 1. The five quantities of a point with
+Coulomb friction exclude each other in a cycle: the sum of their ratios to their bounds is at most
+2. These inequalities describe the convex hull of the statuses and are added when violated.
 
 Forces are affine functions of displacements, so that the first tableau is known without solving
 equations. The dual simplex method (`tableau`) proceeds from one program to the next. If a program
-is infeasible, the multipliers of the row that proves this are returned, and `check_proof.Dual`
-determines which statuses they exclude.
+is infeasible, the multipliers of the proving row are returned, and `check_proof.Dual` determines
+which statuses they exclude.
 """
 
 from __future__ import annotations
@@ -82,10 +81,7 @@ class Relaxation(Tableau):
             self.hold(point, int(allowed[point]))
 
     def _conflicts(self, allowed: Masks) -> None:
-        """Store the pairs of quantities (`check_proof.bounded`) that exclude each other.
-
-        The points with a cycle of such pairs are stored as well.
-        """
+        """Store the pairs of quantities that exclude each other, and the points with cycles."""
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
         self._pairs: list[tuple[int, int, Ints]] = []
@@ -125,13 +121,7 @@ class Relaxation(Tableau):
         return None
 
     def _multipliers(self, v: Array) -> Array:
-        """Return the multipliers (`check_proof.Dual`) of a linear identity, shape (2 m,).
-
-        They are scaled to a maximum norm of 1.
-
-        Args:
-            v: coefficients of the identity between all variables; modified.
-        """
+        """Return multipliers of a linear identity of all variables, scaled to 1, shape (2 m,)."""
         m = self.m
         F = self.problem.friction
         for k, (members, parts) in enumerate(self._hull_terms):
@@ -146,10 +136,9 @@ class Relaxation(Tableau):
 
     @property
     def point(self) -> Array:
-        """Values of the quantities of `check_proof.bounded` at the present vertex, shape (6, m).
+        """Quantities of `check_proof.bounded` at the present vertex, shape (6, m).
 
-        The value of the normal force is valid only at points without Coulomb friction. m is the
-        number of points.
+        The normal force is valid only at points without Coulomb friction.
         """
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 

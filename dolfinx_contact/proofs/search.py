@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Branch and bound for proofs: traversal of the search tree in 2D and 3D.
 
-The search proposes steps of a proof, which the checker (`check_proof.follow`) accepts or rejects.
-`plane.py` and `space.py` implement the methods that close a region (finish its proof) or branch it.
-In regions left open, Newton's method searches for solutions; these are proved to exist, but others
-may exist as well.
+The search proposes steps, which the checker (`check_proof.follow`) accepts or rejects. `plane.py`
+and `space.py` close a region (finish its proof) or branch it. In regions left open, Newton's method
+searches for solutions; these are proved to exist, but others may exist as well.
 """
 
 from __future__ import annotations
@@ -94,8 +93,8 @@ class Search(Generic[R]):
         """Search for all solutions.
 
         Args:
-            known: known solutions: in 2D statuses of the m points, shape (m,); in 3D their
-                displacements and forces, shape (m, 6).
+            known: known solutions: statuses, shape (m,), in 2D; displacements and forces, shape (m,
+                6), in 3D.
         """
         region: Any = whole_region(self.problem)
         if self.step(region, do="rest") is not None:
@@ -114,13 +113,9 @@ class Search(Generic[R]):
             self._look_in_open_regions()
 
     def step(self, region: Any, **step: Any) -> Sequence[Any] | None:
-        """Check a step of the proof, and return the remaining parts of the region.
+        """Check a step, append it to the certificate and return the remaining parts of the region.
 
-        An accepted step is appended to the certificate. None if the checker rejects the step.
-
-        Args:
-            region: region on which the step acts.
-            **step: items of the step.
+        None if the checker rejects the step.
         """
         try:
             parts = follow(self.certificate, step, region, self.proved)
@@ -188,11 +183,7 @@ class Search(Generic[R]):
         raise NotImplementedError
 
     def _treat(self, node: SearchNode[R]) -> list[SearchNode[R]]:
-        """Close the region of a node (finish its proof), or branch it.
-
-        Returns:
-            Nodes of the resulting regions; empty if the region is closed.
-        """
+        """Close a region (finish its proof) or branch it; return the resulting nodes."""
         raise NotImplementedError
 
     def _look_in_open_regions(self) -> None:

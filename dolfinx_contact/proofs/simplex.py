@@ -37,8 +37,7 @@ class Simplex:
     Args:
         A: matrix of the n constraints on k variables, shape (n, k).
         b: right-hand side, shape (n,).
-        groups: index of the first column of each group of variables that add up to 1, in increasing
-            order.
+        groups: increasing indices of the first column of each group of variables adding up to 1.
     """
 
     def __init__(self, A: Array, b: Array, groups: Ints):
@@ -57,9 +56,7 @@ class Simplex:
         self.count = 0
 
     def solve(self, usable: Mask) -> Array | None:
-        """Return multipliers of the n constraints that prove infeasibility, shape (n,).
-
-        None if the program is feasible.
+        """Return multipliers of the n constraints proving infeasibility, shape (n,), or None.
 
         Args:
             usable: mask of the columns that are not excluded, shape (k,).
@@ -113,13 +110,7 @@ class Simplex:
         return np.maximum(x[: self._columns], 0.0)
 
     def _bound(self, y: Array, v: Array, usable: Mask) -> float:
-        """Return a lower bound of the minimal cost by weak duality.
-
-        Args:
-            y: multipliers of the constraints.
-            v: multipliers times the columns, minus the cost of the columns if they have one.
-            usable: mask of the columns that are not excluded.
-        """
+        """Return a lower bound of the cost by weak duality; ``v`` is y A minus the cost, if any."""
         best = np.maximum.reduceat(np.where(usable, v, -np.inf), self._groups)
         return float(y @ self._b - best.sum())
 

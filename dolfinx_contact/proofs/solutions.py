@@ -39,8 +39,7 @@ class ProvedSolution:
 
     Attributes:
         codes: statuses of the m contact points, shape (m,).
-        state: displacements and forces (ut, un, rt, rn) of the points, tangential and normal, shape
-            (m, 2 dim).
+        state: displacements (ut, un) and forces (rt, rn) of the points, shape (m, 2 dim).
         away: error bounds of the state, shape (m, 2 dim).
     """
 
@@ -55,15 +54,14 @@ class ProvedSolutions:
 
     Attributes:
         verdict: ``"complete"``: ``solutions`` are all solutions. ``"degenerate"``: other solutions
-            are possible only at the states ``border`` (within their error bounds) and with the
-            statuses ``singular``, where they may be continua. ``"open"``: further solutions, in 3D
-            also continua, may exist in ``open_regions``.
+            are possible only at the states ``border`` and with the statuses ``singular``, where
+            they may be continua. ``"open"``: further solutions, in 3D also continua, may exist in
+            ``open_regions``.
         solutions: proved solutions. Solutions that Newton's method finds in open regions after the
             time limit are included, but are not part of the certificate.
-        border: states that satisfy an inequality of the law only within their error bounds; each
-            may or may not be a solution.
-        singular: choices of one status per point, shape (m,) each for m points, with one solution,
-            none or a continuum.
+        border: states satisfying an inequality of the law only within error bounds; each may or may
+            not be a solution.
+        singular: statuses of the m points, shape (m,) each, with one solution, none or a continuum.
         open_regions: undecided sets of statuses as bit masks, shape (m,); in 3D undecided cells
             with the reason.
         certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).
@@ -140,10 +138,7 @@ def prove_solutions(
 
 
 def _checked(problem: ReducedProblem, known: Iterable[Codes | Array]) -> list[Any]:
-    """Return the known solutions as validated arrays.
-
-    These are statuses in 2D, and displacements and forces in 3D.
-    """
+    """Return known solutions as valid arrays: statuses in 2D, displacements and forces in 3D."""
     if problem.dim == 3:
         states = [np.asarray(state, dtype=np.float64) for state in known]
         if any(s.shape != (problem.points, 6) or not np.isfinite(s).all() for s in states):

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for a proof in 3D by branch and bound on cells of the contact points.
 
-A cell (`check_proof.Cells`) restricts the status and the slip direction of a point. A region
-consists of the remaining cells of all points. It is closed, i.e. needs no further steps, by the
-first of the following methods that succeeds:
+A cell (`check_proof.Cells`) restricts the status and the slip direction of a point. A region of
+cells of all points is closed, its proof finished, by the first of these methods that succeeds:
 
 1. quadratic inequalities (`weights.py`) prove that it contains at most one solution;
 2. linear programs (`hull.py`) prove that it is empty; they also bound the quantities of the points;
 3. an interval matrix proves that it contains at most one solution, if the cells of every point have
    a single kind.
 
-Slip cells are arcs of directions. Arcs are halved at points with few remaining arcs. Otherwise the
-region is branched at the point where the solution of the linear program violates the law most. For
-regions left open, the reason is stored.
+Slip cells are arcs of directions, halved at points with few remaining arcs. Otherwise the region is
+branched at the point where the solution of the linear program violates the law most. The reason why
+a region is left open is stored.
 """
 
 from __future__ import annotations
@@ -147,14 +146,9 @@ class SpaceSearch(Search[SpaceRegion]):
     def _any_only(self, region: SpaceRegion, point: State | None, effort: int) -> bool:
         """Try to prove by quadratic inequalities that a region has at most one solution.
 
-        Return whether this is proved. All solutions are compared with the solution for one status
-        per point. Up to two such choices are tried.
-
-        Args:
-            region: region with m points.
-            point: displacements and forces from which statuses are derived, shape (m, 3) each; None
-                for known solutions only.
-            effort: iterations of each search for weights.
+        All solutions are compared with the solution for one status per point, for up to two choices
+        of statuses. ``point`` contains displacements and forces from which statuses are derived,
+        shape (m, 3) each; None for known solutions only.
         """
         for number, piece in enumerate(self._candidates(region, point)):
             if number == 2 or self.late():
@@ -164,10 +158,9 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _candidates(self, region: SpaceRegion, point: State | None) -> Iterator[SpacePiece | None]:
-        """Yield known solutions in a region, then one found by Newton's method.
+        """Yield known solutions in a region, then one by Newton's method from ``point``.
 
-        Newton's method starts from the displacements and forces ``point``. None is yielded if no
-        solution is proved to exist.
+        None is yielded if no solution is proved to exist.
         """
         kinds = region.kinds
         seen = set()
@@ -191,8 +184,7 @@ class SpaceSearch(Search[SpaceRegion]):
     def _leaf(self, region: SpaceRegion, point: State) -> bool:
         """Try to prove by an interval matrix that a region has at most one solution.
 
-        Return whether this is proved. It is possible only if all cells of each point have one kind.
-        The compared solution is computed from the displacements and forces ``point``.
+        This is possible only if all cells of each point have one kind.
         """
         kinds = region.kinds
         if any(len(allowed) > 1 for allowed in kinds) or (self.problem.g > 0).any():
@@ -225,10 +217,7 @@ class SpaceSearch(Search[SpaceRegion]):
                 return None
 
     def _exclude_cells(self, region: SpaceRegion, hull: Hull) -> bool:
-        """Try to exclude each cell of points with several cells by a linear program.
-
-        Return whether the region is proved empty.
-        """
+        """Try to exclude each cell of undecided points; return whether the region is empty."""
         cells, alive = hull.cells, hull.alive
         for k in np.argsort(-cells.kind, kind="stable"):
             if not alive[k] or (alive & (cells.node == cells.node[k])).sum() == 1:
@@ -248,17 +237,12 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _lower_bounds(self, region: SpaceRegion, hull: Hull, *, all_points: bool) -> float:
-        """Lower the bounds of the quantities of `check_proof.bounded_in_space` by linear programs.
+        """Lower the bounds of quantities (`check_proof.bounded_in_space`) by linear programs.
 
-        Args:
-            region: region, modified in place.
-            hull: linear program of the region.
-            all_points: whether all points are treated; otherwise only points with cells of one
-                kind.
+        Without ``all_points``, only points with cells of one kind are treated.
 
         Returns:
-            Sum of the logarithms of the ratios of old to new upper bounds, as a measure of the
-            gain.
+            Sum of the logarithms of the ratios of old to new bounds.
         """
         gained = 0.0
         for i, kinds in enumerate(region.kinds):
@@ -331,11 +315,7 @@ class SpaceSearch(Search[SpaceRegion]):
 def _quantities(
     region: SpaceRegion, i: int, kinds: frozenset[int]
 ) -> list[tuple[int, tuple[int, ...]]]:
-    """Return the quantities to be bounded at point ``i``, with the kinds of their cells.
-
-    The quantities are indices into those of `check_proof.bounded_in_space`; ``kinds`` are the kinds
-    of the cells of the point.
-    """
+    """Return the quantities to be bounded at point ``i``, with the kinds of their cells."""
     wanted: list[tuple[int, tuple[int, ...]]] = []
     coulomb = region.problem.friction[i] > 0
     if IN_OPEN in kinds or not coulomb:
@@ -361,10 +341,9 @@ def _kind(code: int, friction: float) -> int:
 
 
 def _measure(region: SpaceRegion) -> float:
-    """Return the logarithm of the size of a region.
+    """Return the logarithm of the product over all points of their summed cell sizes.
 
-    The size is the product over all points of the number of their cells, where a slip cell counts
-    0.3 plus the width of its arc in diamond angles.
+    A cell has the size 1; a slip cell 0.3 plus the width of its arc in diamond angles.
     """
     cells = region.cells
     sizes = np.where(cells.kind == IN_SLIP, 0.3 + cells.ends[:, 1] - cells.ends[:, 0], 1.0)
@@ -372,10 +351,9 @@ def _measure(region: SpaceRegion) -> float:
 
 
 def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> float:
-    """Return the slip angle of point ``i``, if it lies in the hull of the arcs of the point.
+    """Return the slip angle of point ``i``, or the middle of the hull of its arcs if outside.
 
-    Otherwise return the middle of the hull. The angle is derived from the displacements ``a`` and
-    the forces ``r``; ``angle`` is used if these define no direction.
+    ``angle`` is used if the displacements a and the forces r define no direction.
     """
     hull = region.cells.hull(i)
     assert hull is not None
@@ -390,11 +368,7 @@ def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> fl
 
 
 def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array) -> Array:
-    """Return a measure of the violation of the contact law at each of m points, shape (m,).
-
-    It is computed from the displacements ``a`` and the forces ``r``. The value is -1 at points that
-    cannot be branched.
-    """
+    """Return the violation of the law by point, -1 if it cannot be branched, shape (m,)."""
     cells = region.cells
     F = problem.friction
     slid = np.hypot(a[:, 0], a[:, 1])
@@ -410,10 +384,7 @@ def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array
 
 
 def _parts(region: SpaceRegion, i: int) -> list[list[int]] | None:
-    """Divide the cells of point ``i`` into lists of indices, for branching.
-
-    None if its only cell is an arc, which must be halved first.
-    """
+    """Divide the cells of point ``i`` for branching; None if a single arc must be halved first."""
     cells = region.cells
     here = np.flatnonzero(cells.node == i)
     parts = [[int(k)] for k in here if cells.kind[k] != IN_SLIP]

@@ -33,11 +33,7 @@ _SAME = 1e-6
 
 
 class _Batch:
-    """Equations of Newton's method for k starts at once; each start is a vector of forces.
-
-    The unknown forces r satisfy r = P(r - rho a) with the displacements a, a factor rho from
-    displacements to forces, and the projection P onto the admissible forces.
-    """
+    """Newton equations r = P(r - rho a) (see the module) for k starts; each start is a vector r."""
 
     def __init__(self, problem: ReducedProblem, rho: Array):
         self.problem = problem
@@ -47,11 +43,7 @@ class _Batch:
         self.bound = problem.g
 
     def pulled(self, r: Array, rho: Array) -> Array:
-        """Return the argument r - rho a of the projection, shape (k, m, 3).
-
-        There are k starts and m points; r are the forces, a the corresponding displacements, and
-        rho the factor of each start.
-        """
+        """Return the argument r - rho a of the projection for k starts, shape (k, m, 3)."""
         a = (r + self.problem.p) @ self.inverse.T
         return (r - rho[:, None] * a).reshape(len(r), -1, 3)
 
@@ -60,11 +52,7 @@ class _Batch:
         return z.reshape(-1, 3), np.tile(self.friction, k), np.tile(self.bound, k)
 
     def residual(self, r: Array, rho: Array) -> Array:
-        """Return the residual r - P(r - rho a) of k starts, shape (k, 3 m) for m points.
-
-        r are the forces, a the corresponding displacements, rho the factor of each start, and P the
-        projection onto the admissible forces.
-        """
+        """Return the residual r - P(r - rho a) of k starts, shape (k, 3 m)."""
         z = self.pulled(r, rho)
         return r - coulomb.allowed(*self._flat(z)).reshape(r.shape)
 
@@ -117,10 +105,9 @@ def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
 
 
 def _random_forces(problem: ReducedProblem, number: int, random: np.random.Generator) -> Array:
-    """Return random initial forces, shape (number, 3 m) for m points.
+    """Return random initial forces of open, sticking or slipping points, shape (number, 3 m).
 
-    Points are open, stick or slip. The tangential forces of a start have random directions, or one
-    direction for all points.
+    Tangential forces of a start have random directions, or one direction for all points.
     """
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
@@ -183,16 +170,13 @@ def many_solutions(
     random: np.random.Generator,
     regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
-    """Return distinct solutions: the displacements and the forces of each.
-
-    Both have the shape (m, 3) for m points.
+    """Return distinct solutions: displacements and forces of m points, shape (m, 3) each.
 
     Args:
         problem: reduced problem, scaled by `ReducedProblem.scaled`.
         number: number of starts.
         random: generator of the starts.
-        regions: regions, given by their cells, that take turns in providing the starts; by default
-            no restriction.
+        regions: regions providing the starts in turn; by default no restriction.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:
@@ -213,13 +197,7 @@ def many_solutions(
 
 
 def _violation(problem: ReducedProblem, a: Array, r: Array) -> float:
-    """Return the largest violation of the contact law.
-
-    Args:
-        problem: reduced problem with m points, scaled by `ReducedProblem.scaled`.
-        a: displacements, shape (m, 3).
-        r: forces, shape (m, 3).
-    """
+    """Return the largest violation of the contact law by displacements a and forces r."""
     size = np.hypot(a[:, 0], a[:, 1])
     limit = problem.friction * r[:, 2] + problem.g
     along = np.where(size > 1e-9, 1.0, 0.0) / np.maximum(size, 1e-300)

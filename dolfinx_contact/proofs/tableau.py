@@ -2,9 +2,8 @@
 """Dual simplex method for bounded variables with a persistent tableau.
 
 All variables lie between 0 and an upper bound. Basic variables are affine functions of the nonbasic
-variables, x_B = T x_N + start, with the matrix T of the tableau. Successive programs differ in a
-few bounds. The objective is random, which prevents cycling. If a program is infeasible, a row of
-the tableau proves it.
+variables, x_B = T x_N + start. Successive programs differ in a few bounds. The objective is random,
+which prevents cycling. If a program is infeasible, a row of the tableau proves it.
 """
 
 from __future__ import annotations
@@ -24,16 +23,13 @@ _PIVOT = 1e-9
 class Tableau:
     """Tableau of a linear program: basic variables, their rows, and the values of all variables.
 
-    The basic variables are T x + start with the nonbasic variables x.
-
     Args:
-        rows: matrix T of k basic and n nonbasic variables, shape (k, n).
+        rows: matrix T in x_B = T x_N + start for k basic and n nonbasic variables, shape (k, n).
         start: values of the basic variables if all nonbasic variables vanish, shape (k,).
         basic: indices of the basic variables, shape (k,).
         free: number n of the nonbasic variables, which have the indices 0 to n - 1.
         up: upper bounds of all variables.
-        sure: violation of its bounds above which a row counts as a proof of infeasibility; by
-            default 0.
+        sure: least violation of a row proving infeasibility; by default 0.
 
     Attributes:
         lost: whether the last program ended undecided, at the limit of iterations.
@@ -118,15 +114,10 @@ class Tableau:
         return None
 
     def _entering(self, row: Array, gain: Array, off: float) -> int:
-        """Return the nonbasic variable that enters the basis, by the bound-flipping ratio test.
+        """Return the variable entering the basis by the bound-flipping ratio test.
 
         Variables that precede it in the test, and whose ranges cannot repair the row, flip to their
         opposite bounds.
-
-        Args:
-            row: coefficients of the violated row.
-            gain: largest reduction of the violation by each nonbasic variable.
-            off: violation of the row.
         """
         free = np.flatnonzero(gain > 0)
         order = free[np.argsort(np.abs(self._costs[free]) / np.abs(row[free]))]

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Weights for which a weighted sum of quadratic inequalities is positive definite.
 
-The inequalities compare two solutions (`check_proof.Differences` in 2D,
-`check_proof.SpaceDifferences` in 3D). After elimination of the vanishing rows and scaling to a unit
-diagonal, the smallest eigenvalue of the weighted sum is maximised over the logarithms of the
-weights. In 2D the parameters theta are varied as well, by which a second row is added to each row.
-The objective is the soft minimum -tau log sum exp(-lambda / tau) of the eigenvalues lambda, with a
-positive parameter tau, which is differentiable. Nothing is proved here; the checker verifies the
-weights.
+The inequalities compare two solutions (`Differences` and `SpaceDifferences` in `check_proof`).
+After elimination of the vanishing rows and scaling to a unit diagonal, the smallest eigenvalue of
+the sum is maximised over the logarithms of the weights, in 2D also over the multiples theta of a
+second row added to each row. The objective is the soft minimum -tau log sum exp(-lambda / tau) of
+the eigenvalues lambda, with tau > 0, which is differentiable. The checker verifies the weights.
 """
 
 from __future__ import annotations
@@ -54,8 +52,7 @@ def maximise(
 ) -> tuple[float, Array, Array]:
     """Maximise the smallest eigenvalue by L-BFGS-B on the soft minimum of all eigenvalues.
 
-    The soft minimum -tau log sum exp(-lambda / tau) approaches the smallest eigenvalue lambda for a
-    small parameter tau.
+    The soft minimum -tau log sum exp(-lambda / tau) tends to the smallest lambda for small tau.
 
     Args:
         eigenvalues: function of the variables (`Eigenvalues`).
@@ -67,8 +64,8 @@ def maximise(
         until: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Largest value found of the smallest eigenvalue; the corresponding variables, shape (k,); and
-        the eigenvector, shape (n,) for n eigenvalues.
+        Largest value found of the smallest eigenvalue; its variables, shape (k,); its eigenvector,
+        shape (n,).
     """
     best: tuple[float, Array, Array] = (-np.inf, x, np.zeros(0))
 
@@ -103,10 +100,10 @@ class Weights:
     """Result of a search for weights of quadratic inequalities.
 
     Attributes:
-        proof: items of an ``only`` step of a proof: the weights, theta (in 2D), and the weight mu
-            of the equations; None if no such weights were found.
+        proof: weights, theta (in 2D) and weight mu of the equations for an ``only`` step of a
+            proof; None if none were found.
         least: smallest eigenvalue of the scaled weighted sum.
-        bad: in 2D, contribution of each of the m points to the eigenvector of `least`, shape (m,).
+        bad: in 2D, contribution of each point to the eigenvector of `least`, shape (m,).
     """
 
     proof: dict[str, Any] | None
@@ -174,14 +171,11 @@ def _in_plane(d: Differences, effort: int) -> Weights:
 class _PlaneForm:
     """Scaled quadratic form in 2D as a function of the logarithms of the weights and F theta.
 
-    F is the friction coefficient. A multiple theta of a row of ``B`` is added to the same row of
-    ``A``; the attributes of `Differences` explain the symbols.
-
     Args:
-        A, B: rows and tilts (`Differences`) of the n free components, shape (n, n) each.
+        A, B: rows, and tilts added theta times (`Differences`), of n components, shape (n, n) each.
         k1, k2: coefficients of the squares (`Differences`), shape (n,) each.
         tilted: mask of the rows with a theta, shape (n,).
-        friction: friction coefficient at the point of each row, shape (n,).
+        friction: friction coefficient F at the point of each row, shape (n,).
     """
 
     def __init__(
@@ -207,11 +201,7 @@ class _PlaneForm:
         self.n = len(A)
 
     def eigenvalues(self, x: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        """Return eigenvalues, eigenvectors and a function for gradients (`Eigenvalues`).
-
-        Args:
-            x: logarithms of the weights, followed by the values of F theta.
-        """
+        """Return eigenvalues, eigenvectors and gradients (`Eigenvalues`) at the variables x."""
         n, tilted = self.n, self.tilted
         alpha, omega = np.exp(x[:n]), x[n:]
         keeps = np.ones(n)
@@ -276,11 +266,9 @@ def _in_space(d: SpaceDifferences, effort: int, until: float) -> Weights:
 
 
 def _free_rows(d: SpaceDifferences) -> Array | None:
-    """Return the matrices that map the free components of d to (d, e) at each point.
+    """Return matrices mapping the free components of d to (d, S d) by point, shape (m, 6, n).
 
-    Here d is the difference of the displacements of two solutions, and e = S d with the stiffness
-    matrix S (`SpaceDifferences`). The shape is (m, 6, n) for m points and n free components. None
-    if the block of S for the eliminated components is singular.
+    None if the block of the stiffness matrix S for the eliminated components is singular.
     """
     gone = d.vanishing[d.unknown]
     rows = d.rows
@@ -298,11 +286,8 @@ def _free_rows(d: SpaceDifferences) -> Array | None:
 def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenvalues:
     """Return the scaled quadratic form in 3D as a function of the logarithms of the weights.
 
-    The form is a weighted sum of the quadratic forms of (d, e) in `SpaceDifferences`.
-
     Args:
-        rows: matrices that map the n free components of d to (d, e) at each of m points, shape (m,
-            6, n).
+        rows: matrices mapping n free components to (d, e) (`SpaceDifferences`), shape (m, 6, n).
         forms: quadratic forms of (d, e) at single points, shape (k, 6, 6).
         norms: norms by which the weights of the forms are divided, shape (k,).
         point: index of the point of each form, shape (k,).
