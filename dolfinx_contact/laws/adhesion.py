@@ -231,21 +231,14 @@ class RCCM(Law):
         return [Border(distance, code, grips), Border(distance, PLUS, ufl.Not(grips))]
 
     def _energy(self, opening: Any, moved: Any) -> Any:
-        """Return twice the spring energy of an intact bond, per area.
-
-        It is E = C_N [u_n]^2 + C_T |[u_t]|^2 with the stiffnesses C_N and C_T, the opening [u_n]
-        and the tangential jump [u_t].
-        """
+        """Return C_N [u_n]^2 + C_T |[u_t]|^2, twice the spring energy per area if intact."""
         return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
     def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the contact point with the pressure of the compliant surface.
-
-        The springs of the bond are not included. On a rigid surface the point is unchanged.
-        """
+        """Return the contact point with the compliant-surface pressure, without bond springs."""
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
@@ -265,10 +258,7 @@ class RCCM(Law):
 
     @property
     def _is_new(self) -> Any:
-        """UFL condition that a recovering bond was broken before the step.
-
-        Its springs are then relaxed at the current tangential jump.
-        """
+        """UFL condition that a recovering bond was broken before the step."""
         return ufl.lt(self.beta, self.broken)
 
     def _origin(self, a: ContactPoint) -> Any:
@@ -356,10 +346,9 @@ class DamageStep:
             self.cap = cap if recovers is None else ufl.conditional(recovers, 1.0, cap)
 
     def slack(self, energy: Any) -> Any:
-        """Return the slack of the damage condition, which is nonnegative if the bond keeps the cap.
+        """Return (w - E c - b (c - s)/tau)/w, which is nonnegative if the bond keeps the cap c.
 
-        It is (w - E c - b (c - s)/tau)/w with the spring energy E = ``energy``; `DamageStep`
-        explains the other symbols.
+        E is the spring energy ``energy``; `DamageStep` explains the other symbols.
         """
         free = 1.0 - self.cap * energy / self._work
         if self.cap is self._start:
@@ -370,10 +359,9 @@ class DamageStep:
         return free - ufl.conditional(acts, self._viscosity * pace / self._work, 0.0)
 
     def intensity(self, energy: Any) -> Any:
-        """Return the intensity at the end of the step if it is below the cap.
+        """Return the intensity below the cap, the solution of b (s - beta)/tau = E beta - w.
 
-        It solves b (s - beta)/tau = E beta - w for the spring energy E = ``energy``; `DamageStep`
-        explains the other symbols.
+        E is the spring energy ``energy``; `DamageStep` explains the other symbols.
         """
         w = self._work
         b = ufl.conditional(ufl.gt(self._viscosity, 0.0), self._viscosity, 1.0)

@@ -146,11 +146,7 @@ class Answers:
 
     @cached_property
     def _nearest(self) -> tuple[Codes, Array]:
-        """Admissible or nearest status of each of n points, and distance to a border of the status.
-
-        Both have the shape (n,). The distance is that to the nearest border, positive inside the
-        status.
-        """
+        """Admissible or nearest status of each point, and distance to its nearest border."""
         distance, _, exists = self._table
         least = distance.min(axis=2, initial=np.inf)
         # A status with a distance of NaN counts as absent.
@@ -180,10 +176,7 @@ class Answers:
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Return the distances of the points to all borders of a status, shape (n, borders).
-
-        Borders whose condition is not satisfied are included.
-        """
+        """Return distances to all borders of a status, also absent ones, shape (n, borders)."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     @property
@@ -209,10 +202,7 @@ class Answers:
         return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
 
     def by_traction(self, codes: Codes) -> Array:
-        """Return the derivatives of the required traction with respect to the given traction.
-
-        The shape is (n, dim, dim) for n points.
-        """
+        """Return derivatives of required with respect to given tractions, shape (n, dim, dim)."""
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
@@ -254,11 +244,7 @@ class Answers:
 
 
 class FrozenBonds(Answers):
-    """Tractions that a law requires if its bonds are frozen, so that no bond is being damaged.
-
-    Args:
-        answers: evaluated law.
-    """
+    """Tractions that a law, evaluated in ``answers``, requires if no bond is being damaged."""
 
     def __init__(self, answers: Answers):
         super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
@@ -272,9 +258,7 @@ class FrozenBonds(Answers):
 
 
 class LawAtPoints:
-    """Contact law that can be evaluated at the contact points of this rank.
-
-    Only construction is collective.
+    """Contact law at the contact points of this rank. Only construction is collective.
 
     Args:
         law: law; its field values are passed with the data of the points.
@@ -283,8 +267,7 @@ class LawAtPoints:
         comm: communicator of the ranks that compile the law together.
 
     Attributes:
-        codes: status codes of the law; if several statuses are admissible at a point, the first one
-            applies.
+        codes: status codes of the law; the first admissible one applies.
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
@@ -297,14 +280,10 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate the law at n points.
+        """Evaluate the law at jumps and tractions of n points, shape (n, dim) each.
 
-        Args:
-            jump: jumps, shape (n, dim).
-            traction: tractions, shape (n, dim).
-            data: data of the points.
-            codes: statuses that determine the closed points in the averages of a nonlocal law;
-                default: required statuses. Ignored by a local law.
+        A nonlocal law averages over the points that are closed in the statuses ``codes``; default:
+        required statuses.
         """
         turn, moved = data.turn, data.moved
         found = self._evaluate(self.compiled.values, jump, traction, data)
@@ -324,14 +303,11 @@ class LawAtPoints:
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
 
     def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
-        """Return the derivatives of the distances to the borders of a status.
-
-        The shape is (n, borders, 2 dim) for n points. Derivatives with respect to the jump come
-        first, followed by those with respect to the traction.
+        """Return the derivatives of the border distances of a status, shape (n, borders, 2 dim).
 
         Args:
             code: status code.
-            jump: jumps, shape (n, dim).
+            jump: jumps, shape (n, dim); derivatives with respect to the jump come first.
             traction: tractions, shape (n, dim).
             data: data of the points.
         """

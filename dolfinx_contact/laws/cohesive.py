@@ -20,8 +20,8 @@ __all__ = ["BilinearCohesive", "MaxwellLayer"]
 class BilinearCohesive(Interface):
     r"""Cohesive bond: the traction rises linearly, then falls linearly to zero.
 
-    Let d = ([u_n]^2 + |[u_t]|^2)^(1/2) be the size of the jump, p the contact pressure, and ' the
-    time derivative. The surface energy Psi and the dissipation potential Phi (`Interface`) are
+    For the size d = ([u_n]^2 + |[u_t]|^2)^(1/2) of the jump and the contact pressure p, the surface
+    energy Psi and the dissipation potential Phi (`Interface`) are
 
         Psi = (1 - D) k d^2/2,    Phi = k K(D)^2/2 D' + mu D p |[u_t]'|,    0 <= D <= 1,  D' >= 0,
 
@@ -80,8 +80,8 @@ class BilinearCohesive(Interface):
 class MaxwellLayer(Interface):
     r"""Thin viscoelastic layer: spring and dashpot in series, in parallel with another spring.
 
-    Let y be the viscous part of the jump [u], both vectors, p the contact pressure, and ' the time
-    derivative. The surface energy Psi and the dissipation potential Phi (`Interface`) are
+    With the viscous part y of the jump [u], both vectors, and the contact pressure p, the surface
+    energy Psi and the dissipation potential Phi (`Interface`) are
 
         Psi = k |[u] - y|^2/2 + c |[u]|^2/2,    Phi = b |y'|^2/2 + mu p |[u_t]'|,
 

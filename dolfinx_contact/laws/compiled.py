@@ -38,10 +38,10 @@ _NOT_UFL = "ufunc", "__float__", "cannot be evaluated as bool"
 
 
 def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Add the expressions of the borders of a status to ``flat`` and describe each border.
+    """Add the border expressions of a status to ``flat`` and describe each border.
 
-    The description consists of the column of the distance, the column of the condition and the
-    target status. The column of the condition is None for a border that always exists.
+    Return the columns of its distance and condition (None if it always exists), and its target
+    status.
     """
     found = []
     for border in piece.borders:
@@ -64,8 +64,7 @@ class _Written:
     Attributes:
         equations: equations of the law, by name.
         pieces: required traction and borders, by status.
-        bounds: radius of the friction disc at the present pressure and at unit pressure; None for a
-            law without a disc.
+        bounds: radius of the friction disc at the present and at unit pressure, or None.
         bond: attributes of `Law.bond` by name; empty if the law has no bond.
         pressure: pressure to be averaged by a nonlocal law; None for a local law.
     """
@@ -152,12 +151,11 @@ class CompiledLaw:
             uses, and `AROUND` for a nonlocal law.
         codes: status codes of the law.
         rows: position of each status code in `codes`.
-        places: for each quantity, by name, its columns in the array of compiled values: one list
-            per status, or a single list for a quantity that does not depend on the status.
+        places: columns of each quantity in the array of compiled values, by name: one list per
+            status, or a single list if independent of the status.
         borders: for each status and border, column of the distance, column of the condition (None
             for no condition), and target status.
-        exists: for each status, column of the condition under which it exists; None without a
-            condition.
+        exists: column of the existence condition of each status; None without a condition.
         remembers: whether the law uses data of the last accepted state that are not its fields.
         kept: names of the internal variables that the law uses and that are not its fields.
         bonded: whether the law has a bond (`Law.bond`).
@@ -217,12 +215,10 @@ class CompiledLaw:
         return PointValues(flat.components, self._symbols.w, self._comm)
 
     def needs_time(self, step: float) -> bool:
-        """Return whether the law depends on the duration of a step.
+        """Return whether the law depends on the duration of a step with the sign of ``step``.
 
-        Comparisons of the duration with numbers are evaluated first (`known_step`).
-
-        Args:
-            step: number with the sign of the duration; negative for a static problem.
+        Comparisons of the duration with numbers are evaluated first (`known_step`). A negative sign
+        means a static problem.
         """
         symbol = self._step
         if symbol is None:
@@ -240,11 +236,10 @@ class CompiledLaw:
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
-        """Whether, for each status, required traction and borders are affine.
+        """Whether required traction and borders of each status are affine in jump, traction, gap.
 
-        They must be affine in jump, traction and gap, and the existence conditions of statuses must
-        not depend on these quantities. The decision is symbolic, because values or derivatives at
-        sample states would not prove it.
+        The existence conditions of statuses must not depend on these quantities. The decision is
+        symbolic, because values or derivatives at sample states would not prove it.
         """
         if self._roots is not None:
             return False

@@ -51,10 +51,7 @@ _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """Law that wraps another friction law, the field ``friction``.
-
-    The name of the law contains the value of its first option.
-    """
+    """Law wrapping another friction law, `friction`; its name contains its first option."""
 
     friction: FrictionLaw
     bound_kind = None
@@ -144,10 +141,10 @@ class NormalCompliance(_AroundFriction):
 class Regularised(_AroundFriction):
     """Regularised friction: the shear b phi(x) increases with the scaled slip x.
 
-    The scaled slip is x = |u_t|/eps in a static problem, with the tangential displacement u_t. In a
-    history it is |du_t|/(eps dt), with its increment du_t in a step of duration dt. A point with
-    x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
-    requires ``speed``, and a history that begins with a static solve requires both.
+    With the tangential displacement u_t, the scaled slip is x = |u_t|/eps in a static problem and
+    |du_t|/(eps dt) in a step of duration dt of a history. A point with x < 1 counts as stuck
+    although it creeps. A static problem requires ``width``, a history requires ``speed``, and a
+    history that begins with a static solve requires both.
 
     Attributes:
         friction: friction law to regularise, with the radius b of its friction disc.

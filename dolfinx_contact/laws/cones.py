@@ -44,10 +44,9 @@ def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
 def cones(
     law: LawAtPoints, data: PointData, frames: Array, scale: Array
 ) -> tuple[Array, Array, Mask]:
-    """Return the cones of the statuses of n points, as bases B and inequalities C.
+    """Return the cones {B z : C B z >= 0} of the statuses of n points, in terms of w.
 
-    The cone of a status is {B z : C B z >= 0} in the space of w = (ut, un, rt, rn): tangential and
-    normal displacement, and tangential and normal force.
+    w = (ut, un, rt, rn) are tangential and normal displacements and forces.
 
     Args:
         law: polyhedral law at the points.
@@ -58,10 +57,10 @@ def cones(
 
     Returns:
         Bases B, shape (n, 4, 4, 2); inequalities C padded by zero rows, shape (n, 4, 3, 4); and a
-        mask of the existing statuses, shape (n, 4). Bases are oriented consistently with the
-        equations t = tau(j, t) of the law, tau being the required traction: for any linear
-        equations M w = p of a body, and up to a sign common to all statuses, det (M B) has the sign
-        of the determinant of M w = p together with t - tau(j, t) = 0.
+        mask of the existing statuses, shape (n, 4). Bases are oriented consistently with the law t
+        = tau(j, t): for any linear equations M w = p of a body, and up to a sign common to all
+        statuses, det (M B) has the sign of the determinant of M w = p together with t - tau(j, t) =
+        0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))
@@ -92,12 +91,8 @@ def cones(
 def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
     """Return bases of the planes ``rows`` w = 0, and the indices of their two coordinates.
 
-    For n points the bases have the shape (n, 4, 2). Their coordinates are two of the four
-    components of w, the same for all points.
-
-    Args:
-        rows: coefficients of the two equations, shape (n, 2, 4).
-        used: mask of the points whose planes are used, shape (n,).
+    The bases have the shape (n, 4, 2); the coordinates are two of the four components of w, the
+    same for all points.
     """
     best = -1.0
     chosen = (0, 1)
@@ -120,12 +115,9 @@ def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
 
 
 def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
-    """Return the border inequalities of n points without redundant ones, shape (n, 3, 4).
+    """Return the border inequalities without redundant ones, shape (n, 3, 4).
 
-    Args:
-        slopes: derivatives of the border distances with respect to the two coordinates of a plane.
-        free: indices of these coordinates; the other coefficients are zero.
-        there: mask of the existing borders.
+    Only the coefficients of the coordinates ``free`` are nonzero.
     """
     n, borders, _ = slopes.shape
     size = np.abs(slopes).max(axis=2, initial=0.0)

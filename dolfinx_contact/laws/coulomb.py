@@ -46,11 +46,7 @@ _TINY = 1e-300
 
 
 def radius(rn: Array, friction: Array, bound: Array) -> Array:
-    """Return the radii F rn + g of the friction discs of m points, shape (m,).
-
-    F is the friction coefficient, rn the normal force and g the prescribed bound; a negative rn
-    counts as 0.
-    """
+    """Return radii F rn + g of friction discs, shape (m,); a negative normal force counts as 0."""
     return np.asarray(friction * np.maximum(rn, 0.0) + bound)
 
 
@@ -61,23 +57,13 @@ def project(s: Array, radius: Array) -> Array:
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Project forces onto the forces that the contact law allows, shape (m, dim).
-
-    The normal force, the last component, becomes nonnegative; the tangential force is then
-    projected onto the friction disc.
-    """
+    """Project forces, shape (m, dim), onto normal forces >= 0, then onto the friction disc."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 
 
 def derivative(s: Array, friction: Array, bound: Array) -> Array:
-    """Return a generalised derivative of the projection `allowed`, shape (m, dim, dim).
-
-    Args:
-        s: augmented forces of the m points, at which it is evaluated, shape (m, dim).
-        friction: friction coefficients, shape (m,).
-        bound: prescribed friction bounds, shape (m,).
-    """
+    """Return a generalised derivative of `allowed` at augmented forces s, shape (m, dim, dim)."""
     m, d = s.shape
     D = np.zeros((m, d, d))
     pushes = s[:, -1] > 0
@@ -95,24 +81,12 @@ def derivative(s: Array, friction: Array, bound: Array) -> Array:
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of closed points, shape (m,).
-
-    Args:
-        s: augmented forces r - k a of m points, with forces r, displacements a and a factor k > 0,
-            shape (m, dim).
-    """
+    """Return a mask of the closed points, shape (m,), for augmented forces s, shape (m, dim)."""
     return np.asarray(s[:, -1] >= 0)
 
 
 def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of sticking points, shape (m,).
-
-    Args:
-        s: augmented forces r - k a of m points, with forces r, displacements a and a factor k > 0,
-            shape (m, dim).
-        friction: friction coefficients, shape (m,).
-        bound: prescribed friction bounds, shape (m,).
-    """
+    """Return a mask of sticking points, shape (m,), for augmented forces s, shape (m, dim)."""
     pressure = s[:, -1]
     grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
     size = np.linalg.norm(s[:, :-1], axis=1)
@@ -120,14 +94,7 @@ def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
 
 
 def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
-    """Return the status codes (`laws.status`) of m points, shape (m,).
-
-    Args:
-        s: augmented forces r - k a of the points, with forces r, displacements a and a factor
-            k > 0, shape (m, dim).
-        friction: friction coefficients, shape (m,).
-        bound: prescribed friction bounds, shape (m,).
-    """
+    """Return status codes (`laws.status`), shape (m,), for augmented forces s, shape (m, dim)."""
     back = (s[:, 0] > 0) & (s.shape[1] == 2)
     codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
     rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
@@ -135,16 +102,7 @@ def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
 
 
 def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """Return the largest violation of the laws at m points in 2D, scaled to a unit load.
-
-    Args:
-        ut: tangential displacements, shape (m,).
-        un: normal displacements, shape (m,).
-        rt: tangential forces, shape (m,).
-        rn: normal forces, shape (m,).
-        friction: friction coefficients, shape (m,).
-        bound: prescribed friction bounds, shape (m,).
-    """
+    """Return the largest violation of the laws at m points in 2D, scaled to a unit load."""
     size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
     most = friction * rn + bound
     parts = [

@@ -2,9 +2,9 @@
 r"""Unilateral contact with friction, defined by a friction bound.
 
 A friction law is defined by the radius b of its friction disc (interval in 2D) as a function of the
-contact pressure. With the normal n into the obstacle, the augmented pressure p and the augmented
-shear s, the traction is -max(p, 0) n plus the projection of s onto the disc of radius b. The module
-writes this law status by status.
+contact pressure. With the normal n, the augmented pressure p and the augmented shear s, the
+traction is -max(p, 0) n plus the projection of s onto the disc. The module writes this law status
+by status.
 """
 
 from __future__ import annotations
@@ -76,10 +76,9 @@ class FrictionLaw(Law):
         return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        """Return the statuses that an open point may have after closing.
+        """Return UFL conditions of the statuses that an open point may have after closing.
 
-        The values of the dictionary are UFL conditions; None means that the status is always
-        possible.
+        The condition None means that the status is always possible.
         """
         if a.dim == 3:
             return {PLUS: None}
@@ -129,25 +128,15 @@ class _Slip:
         self._knows = radius(slid) != radius(2.0 * slid)
 
     def border(self, excess: Any) -> Any:
-        """Return the distance from slip to its border with stick.
-
-        Args:
-            excess: augmented shear minus radius of the friction disc.
-        """
+        """Return the distance to the border of slip; ``excess`` is shear minus disc radius."""
         return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
 
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
     """Return the shear traction and the borders of closed points in 2D, by status code.
 
-    The tangential displacement u_t and the augmented shear s have opposite directions in slip; with
-    the unit tangent t, slip with u_t.t > 0 has s.t < 0.
-
-    Args:
-        a: contact point.
-        radius: radius of the friction disc as a function of the slip distance of the step.
-        grips: UFL condition under which friction acts.
-        holds: UFL condition under which the point can stick.
+    Slip with u_t.t > 0 has s.t < 0 for the unit tangent t and the augmented shear s. Friction acts
+    under the UFL condition ``grips``, and stick is possible under ``holds``.
     """
     s = ufl.dot(a.s, a.t)
     u = ufl.dot(a.u_t, a.t)
@@ -163,10 +152,7 @@ def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 
 def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return the shear traction and the borders of closed points in 3D, by status code.
-
-    The arguments are those of `_in_plane`.
-    """
+    """Return shear traction and borders of closed points in 3D by status code (`_in_plane`)."""
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
@@ -194,11 +180,9 @@ class Frictionless(FrictionLaw):
 class Coulomb(FrictionLaw):
     """Coulomb friction: the shear is at most F times the pressure.
 
-    Here lambda_t and lambda_n are the tangential and the normal traction.
-
-    A contact surface converts numbers of its law to Constants: after
-    ``surface = ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5``
-    changes the coefficient between two solves.
+    A contact surface converts numbers of its law to Constants: after ``surface =
+    ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5`` changes the
+    coefficient between two solves.
 
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
@@ -223,9 +207,8 @@ class Coulomb(FrictionLaw):
 class Tresca(FrictionLaw):
     """Tresca friction: the shear is at most a prescribed bound g, on the whole surface.
 
-    Here lambda_t is the tangential traction. As in the mathematical literature, friction also acts
-    on open parts of the surface. To avoid friction there, multiply the bound by a field that
-    vanishes there.
+    As in the mathematical literature, friction also acts on open parts of the surface. To avoid
+    friction there, multiply the bound by a field that vanishes there.
 
     Attributes:
         threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.

@@ -80,7 +80,7 @@ class Interface(Potentials):
     """
 
     def broken(self, state: InterfaceState) -> Any:
-        """Return the UFL condition under which the interface counts as broken.
+        """Return the UFL condition for a broken interface.
 
         By default, its monotone variable has reached the final value; None if there is no such
         value.
@@ -169,14 +169,7 @@ class Interface(Potentials):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return the energy and dissipation of an open or closed point, for a state of its bond.
-
-        Args:
-            a: contact point.
-            is_open: whether the point is open.
-            family: state of the bond: `OPEN` (unchanged), `DAMAGING` or `BROKEN`.
-            level: see `InterfacePoint`.
-        """
+        """Return the interface at a point; ``family`` is OPEN (unchanged), DAMAGING or BROKEN."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
@@ -248,13 +241,7 @@ class Interface(Potentials):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders at which the state of the bond changes.
-
-        Args:
-            sides: interface at the point for each state of the bond.
-            family: state of the bond in the status: `OPEN` (unchanged), `DAMAGING` or `BROKEN`.
-            code: status code without the state of the bond.
-        """
+        """Return the borders at which the state of the bond, ``family``, changes."""
         x = self.weakening
         if x is None:
             return []
@@ -294,14 +281,8 @@ def _borders(
 ) -> Iterator[Border]:
     """Yield the borders to statuses that differ only in the state of the bond.
 
-    If there is no friction beyond the border, the target status is slip.
-
-    Args:
-        side: interface at the point beyond the border.
-        code: status code without the state of the bond.
-        family: state of the bond beyond the border.
-        distance: distance to the border.
-        where: condition under which the border exists, or None.
+    If there is no friction beyond the border, the target status is slip. ``code`` is the status
+    without the state of the bond, and ``family`` the state beyond the border.
     """
     grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips(side.soft)
     yield Border(distance, code + family, _both(where, grips))

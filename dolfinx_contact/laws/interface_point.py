@@ -89,11 +89,11 @@ class Potentials(Law):
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the energy dissipated by the internal variables a between two states, per area.
+        """Return the UFL energy per area dissipated by internal variables a between two states.
 
-        It is a UFL expression. If it is None, the derivative dPhi/da' of the dissipation potential
-        is integrated between the two values of the variables by the four-point Gauss rule. This is
-        inaccurate if dPhi/da' grows by a large factor within a step.
+        If it is None, the derivative dPhi/da' of the dissipation potential is integrated between
+        both values of a by the four-point Gauss rule. This is inaccurate if dPhi/da' grows by a
+        large factor within a step.
         """
         return None
 
@@ -162,10 +162,7 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _along(self) -> Any:
-        """Derivative of the surface energy with respect to the tangential jump.
-
-        It is a tangential traction.
-        """
+        """Derivative dPsi/d[u_t] of the surface energy, a tangential traction."""
         g = _slope(self.energy, self._moved)
         n = self._a.n
         return g - ufl.dot(g, n) * n
@@ -208,15 +205,9 @@ class InterfacePoint(FrictionLaw):
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Return the dissipation potential Phi, and the rates on which it depends, by name.
+        """Return the dissipation potential and its rates by name ("" for the slip speed).
 
-        The rates are variables of differentiation; the slip speed has the name "".
-
-        Args:
-            pressure: contact pressure.
-            speed: slip speed.
-            share: fraction of the step after which the internal variables are evaluated; by default
-                1.
+        The internal variables are evaluated after the fraction ``share`` of the step.
         """
         inner = self.values
         if share < 1.0:
@@ -234,10 +225,7 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """Resistances dPhi/da' to changes of the internal variables a, by name of the variable.
-
-        Phi is the dissipation potential.
-        """
+        """Resistances dPhi/da' to changes of the internal variables a, by name of the variable."""
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
 
@@ -269,11 +257,7 @@ class InterfacePoint(FrictionLaw):
         return ufl.as_ufl(0.0) if self._is_open and self.needs_pressure else self.speed
 
     def driven(self, name: str) -> Any:
-        """Return the residual dPsi/da + dPhi/da' of the internal variable a with this name.
-
-        Psi is the surface energy and Phi the dissipation potential. The residual is zero while the
-        variable changes.
-        """
+        """Return the residual dPsi/da + dPhi/da' of a variable a, zero while a changes."""
         return _slope(self.energy, self.values[name]) + self._slopes[name]
 
     def determines(self, name: str) -> bool:
@@ -282,10 +266,7 @@ class InterfacePoint(FrictionLaw):
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
     def resistance(self, pressure: Any, speed: Any) -> Any:
-        """Return the derivative of the dissipation potential with respect to the slip speed.
-
-        It is the radius of the friction disc, a traction.
-        """
+        """Return the friction disc radius: the slip-speed derivative of the dissipation."""
         phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
         return _slope(phi, rates[""])
 
@@ -302,9 +283,9 @@ class InterfacePoint(FrictionLaw):
     def soft(self) -> ContactPoint:
         """Contact point to which Signorini's conditions and friction apply.
 
-        The traction of the surface energy is subtracted. The stiffness of the surface energy is
-        added to the augmentation, so that for any stiffness pressure and shear decrease when the
-        body moves away.
+        The traction of the surface energy is subtracted. Its stiffness is added to the
+        augmentation, so that for any stiffness pressure and shear decrease when the body moves
+        away.
         """
         a = self._a
         pull = self._pull
@@ -338,10 +319,7 @@ class InterfacePoint(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """UFL transformation replacing |x| by x or -x for variables x of known sign.
-
-    The modulus itself is not differentiable at 0.
-    """
+    """UFL transformation replacing |x|, not differentiable at 0, by x or -x for a known sign."""
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()

@@ -204,10 +204,7 @@ class Internal:
         return not (self.vector or self.hidden)
 
     def components(self, dim: int) -> list[str]:
-        """Return the names under which the components of the variable are stored.
-
-        Names of variables that are not fields of the law start with a dot.
-        """
+        """Return the stored component names, beginning with a dot if not a field of the law."""
         if self.vector:
             return [f".{self.name}_{i}" for i in range(dim)]
         return [self.name if self.is_field else f".{self.name}"]
@@ -289,8 +286,8 @@ class Law:
     are symbols for the values at a point. Dataclass fields that are not such parameters are named
     in `options` or are laws themselves. Laws of one class with the same options are compiled once,
     so that only fields may vary between points or between solves. Pressure and shear of a point are
-    *augmented*: they contain the displacements times the augmentation parameter r of the point. At
-    states that satisfy the law, the required traction must not depend on r.
+    *augmented* by displacements times a parameter r; at states that satisfy the law, the required
+    traction must not depend on r.
 
     Raises:
         ValueError: if a field is not a scalar, or is a number that violates `signs`.
@@ -327,10 +324,9 @@ class Law:
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Return the required traction and the borders for each status, by status code.
 
-        Status codes (`laws.status`) are OPEN, STICK, PLUS (slip; in 2D with positive tangential
-        displacement) and, in 2D, MINUS. On a border between several statuses, the first one
-        applies. Every jump and traction should have a status; otherwise the nearest status is used
-        and counts as a violation.
+        Status codes (`laws.status`) are OPEN, STICK, PLUS (slip; in 2D with u_t > 0) and, in 2D,
+        MINUS. On a border between several statuses, the first one applies. Every jump and traction
+        should have a status; otherwise the nearest status is used and counts as a violation.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method pieces(a)")
 
@@ -343,17 +339,11 @@ class Law:
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """Return the adhesive bond at a contact point; default: None (no bond).
-
-        It contains the new values of the variables in `internal`.
-        """
+        """Return the adhesive bond with new values of `internal`; default: None (no bond)."""
         return None
 
     def lacks(self, *, history: bool) -> str:
-        """Return a message that names the parameters missing for a history or a static solve.
-
-        The message is empty if no parameter is missing.
-        """
+        """Return a message naming parameters missing for a history or static solve; "" if none."""
         return ""
 
     @property
@@ -378,25 +368,16 @@ class Law:
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
-        """Return the nonlinear equations on whose solutions the law depends, by any hashable key.
-
-        The solutions are available as ``a.solved``, by the same keys.
-        """
+        """Return nonlinear equations by any hashable key; ``a.solved`` has their solutions."""
         return {}
 
     def memory(self, dim: int) -> list[str]:
-        """Return the names under which the variables in `internal` are stored.
-
-        Variables that are fields of the law come first.
-        """
+        """Return the names under which variables in `internal` are stored, fields first."""
         ordered = sorted(self.internal, key=lambda x: not x.is_field)
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """Return the stored name (`Internal.components`) of each variable, by its name in tables.
-
-        Hidden internal variables are not included.
-        """
+        """Return the stored name of each variable that is not hidden, by its name in tables."""
         return {
             name.removeprefix("."): name
             for x in self.internal
@@ -445,11 +426,7 @@ class Law:
         return self.signs.get(name, "any") if law is None else law.sign(inner)
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return a copy of this law with other values of its scalar fields.
-
-        Args:
-            symbols: new values by the names in `given`.
-        """
+        """Return a copy of this law with new values of the scalar fields in `given`."""
         changed: dict[str, Any] = {k: v for k, v in symbols.items() if "." not in k}
         for name, law in self._laws.items():
             start = f"{name}."

@@ -48,13 +48,7 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """Return the data of the points with the solutions and the inverse Jacobians appended.
-
-        Not collective.
-
-        Args:
-            columns: data of the points, one row per point.
-        """
+        """Append solutions and inverse Jacobians to point data (rows). Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         with np.errstate(all="ignore"):  # a failed solution is NaN
@@ -114,22 +108,14 @@ class _Root:
         full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
 
     def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
-        """Return the residual F, shape (m, n), and its Jacobian matrix, shape (m, n, n).
-
-        Args:
-            full: data of the m points; the columns of the n unknowns are overwritten.
-            z: unknowns, shape (m, n).
-        """
+        """Return the residual F, shape (m, n), and its Jacobian matrix, shape (m, n, n)."""
         n = self._n
         full[:, self._first : self._first + n] = z
         found = self._system(full)
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _force(self, full: Array, z: Array) -> Array:
-        """Return the first residual at ``z`` times the direction of change of the first unknown.
-
-        It is negative as long as the first unknown, which is monotone, changes further.
-        """
+        """Return the first residual, negative while the monotone first unknown changes further."""
         return self._sense * self._at(full, z)[0][:, 0]
 
     def _with_first_prescribed(self, full: Array, start: Array, value: Array) -> Array:
@@ -141,14 +127,7 @@ class _Root:
         return self._solved(full, z, start, first_prescribed=True)
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
-        """Return the solution whose first unknown lies between its initial and its final value.
-
-        Args:
-            full: data of the m points.
-            z: initial guess of the n unknowns, shape (m, n).
-            start: initial values, shape (m, n).
-            end: final value of the first unknown, shape (m,).
-        """
+        """Return the solution whose first unknown lies between its initial and final values."""
         begin = z.copy()
         if self._ends:
             begin[:, 0] = (start[:, 0] + end) / 2
@@ -200,17 +179,9 @@ class _Root:
     ) -> Array:
         """Solve by a damped Newton method; return NaN where it fails.
 
-        Steps are reduced until the next correction is smaller. This is the natural monotonicity
-        test of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not
-        depend on units.
-
-        Args:
-            full: data of the m points.
-            z: initial guess of the n unknowns, shape (m, n).
-            start: initial values of the step, shape (m, n).
-            first_prescribed: whether the first unknown is fixed.
-            end: final value of the first unknown, which limits the steps, shape (m,); None for no
-                limit.
+        Steps are reduced until the next correction is smaller, the natural monotonicity test of
+        Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not depend
+        on units. They are also limited by the final value ``end`` of the first unknown.
         """
         z = z.copy()
         n = self._n
@@ -252,10 +223,7 @@ class _Root:
         return z
 
     def _system_at(self, full: Array, z: Array, first_prescribed: bool) -> tuple[Array, Array]:
-        """Return the residual and its Jacobian matrix at ``z``, for a free or fixed first unknown.
-
-        If the first unknown is fixed (``held``), its equation is replaced.
-        """
+        """Return residual and Jacobian; the equation of a fixed first unknown is replaced."""
         F, J = self._at(full, z)
         if first_prescribed:
             F[:, 0] = 0.0
@@ -266,14 +234,7 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """Return factors that shorten Newton steps, so that the first unknown stays in its interval.
-
-    Args:
-        z: first unknown of each of m points, shape (m,).
-        step: Newton step of this unknown, shape (m,).
-        start: initial value of this unknown, shape (m,).
-        end: final value of this unknown, shape (m,).
-    """
+    """Return factors shortening Newton steps to keep the first unknown between start and end."""
     parts = [
         np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
     ]

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonlocal friction: the friction bound depends on the average pressure around a point.
 
-The shear t_t at a point x is bounded by the friction coefficient F times the pressure p after
-convolution on the surface with a smooth kernel omega of radius rho (Duvaut, C. R. Acad. Sci. Paris
-A 290, 1980; Oden and Pires, J. Appl. Mech. 50, 1983, section 3; Demkowicz and Oden, Nonlinear Anal.
-6, 1982),
+The shear t_t is bounded by the friction coefficient F times the pressure p after convolution on the
+surface with a smooth kernel omega of radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden
+and Pires, J. Appl. Mech. 50, 1983, section 3; Demkowicz and Oden, Nonlinear Anal. 6, 1982),
 
     |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
 

@@ -61,14 +61,10 @@ def before(dim: int) -> list[str]:
 
 
 def variable(e: Any, number: int) -> Any:
-    """Return ``e`` as a UFL variable for differentiation, with a fixed label.
+    """Return ``e`` as a UFL variable for differentiation.
 
-    The label enters the signature of the expression. With labels counted by UFL, every program
-    would therefore compile the expression again.
-
-    Args:
-        e: UFL expression.
-        number: number that determines the label.
+    ``number`` determines its label, which enters the signature of the expression. Labels counted by
+    UFL would cause every program to compile the expression again.
     """
     return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
 
