@@ -2,21 +2,21 @@
 """Resultants of the forces on the body, on the two faces of pairs, and on rigid bodies.
 
 The residual of the displacement equations is R = R_bulk - C with the residual R_bulk of the bulk
-form and the contact forces C. At free dofs R vanishes; at Dirichlet dofs it is the reaction of the
-support. Internal forces do no work on translations, so minus the sum of R_bulk is the resultant of
-the external forces in the bulk form (loads, springs). For a solution
+form and the contact forces C. R vanishes at free dofs and is the reaction of the support at
+Dirichlet dofs. Internal forces do no work on translations, so minus the sum of R_bulk is the
+resultant of the external forces in the bulk form (loads, springs). For a solution
 
     contact + support + external = 0,
 
-where contact is summed from the tables, support from the entries of R at Dirichlet dofs, and
-external from the bulk form. The three are computed independently. Moments are not compared. In a
-body of revolution only the axial forces are compared, because radial forces cancel.
+where contact is summed from the tables, support from R at Dirichlet dofs, and external from the
+bulk form. The three are computed independently. Moments are not compared. In a body of revolution
+only the axial forces are compared, because radial forces cancel.
 
-In a pair, the contact forces B^T W t act on the nodes of both bodies, where B maps displacements to
-jumps, W contains the areas of the points, and t the tractions. The resultants on the slave and on
-the master balance if the rows of B sum to zero. Their moments balance if, in addition, the faces
-coincide and B reproduces linear fields. Across a gap, shear causes a moment that small sliding
-neglects.
+In a pair, the contact forces B^T W t act on the nodes of both bodies, with the matrix B from
+displacements to jumps, the areas W of the points, and the tractions t. The resultants on the slave
+and on the master balance if the rows of B sum to zero; their moments balance if, in addition, the
+faces coincide and B reproduces linear fields. Across a gap, shear causes a moment that small
+sliding neglects.
 """
 
 from __future__ import annotations
@@ -140,13 +140,9 @@ def at_conditions(eq: ContactEquations, supports: Array, u: Array) -> tuple[Arra
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:
-    """Return the sum of forces over all ranks. Collective.
+    """Return the sum of forces, shape (n, dim), over all ranks. Collective.
 
     For a body of revolution the radial component is 0.
-
-    Args:
-        eq: contact problem.
-        forces: forces on this rank, shape (n, dim).
     """
     whole = total(eq.comm, forces.sum(axis=0))
     return np.where(np.arange(eq.dim) < eq.axisymmetric, 0.0, whole)
@@ -189,13 +185,7 @@ class PairBalance:
 
 
 def pair_forces(eq: ContactEquations, number: int, evaluation: Evaluation) -> Array:
-    """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective.
-
-    Args:
-        eq: contact problem.
-        number: index of the surface.
-        evaluation: evaluation of the state.
-    """
+    """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective."""
     contact = evaluation.surfaces[number]
     return contact.kinematics.operator.transpose(contact.traction).reshape(-1, eq.dim)
 
@@ -287,10 +277,7 @@ class RigidBodyResult:
 
     @property
     def moment(self) -> Array:
-        """Contact moment on the rigid body, shape (1,) in 2D and (3,) in 3D.
-
-        It is taken about the reference point.
-        """
+        """Contact moment about the reference point, shape (1,) in 2D and (3,) in 3D."""
         return self.contact[self.dim :]
 
     def summary(self) -> dict[str, Any]:

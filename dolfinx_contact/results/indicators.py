@@ -182,11 +182,7 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def _exceeding(values: Mapping[str, float | None]) -> dict[str, str]:
-    """Return messages about the indicators that exceed their thresholds, by name.
-
-    Args:
-        values: indicators by name; None for indicators that are not evaluated.
-    """
+    """Return messages about the indicators that exceed their thresholds, by name."""
     return {
         name: _MESSAGES[name].format(value)
         for name, value in values.items()
@@ -264,9 +260,9 @@ class StepIndicators:
         number: index of the step.
         start: time at the start of the step.
         time: time at the end of the step.
-        speed: rate of change of all unknowns, divided by the rate in the previous step.
-        residue: energy of the step that is neither stored nor dissipated, relative to the energy
-            exchanged in the step; positive for the energy released by a jump.
+        speed: rate of change of all unknowns, relative to the previous step.
+        residue: energy neither stored nor dissipated, relative to the energy exchanged in the step;
+            positive for the energy released by a jump.
         searched: whether the run itself locates jumps, so that no warning is needed.
         timed: whether a law depends on the duration of a step, so that friction may decrease with
             the slip velocity.
@@ -303,16 +299,14 @@ class Indicators:
     Attributes:
         surfaces: indicators by surface name.
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
-            None for linear bodies whose displacements differ by less than the smallest extent of
-            the part.
+            None for linear bodies with displacements differing by less than the smallest extent.
         rotation: largest mean rotation of a connected part in degrees; None for a nonlinear body
             and for bodies of revolution.
-        displacement: largest difference of a displacement component in a connected part, divided by
-            the largest extent of the part; None for a nonlinear body.
+        displacement: largest difference of a displacement component in a connected part, over the
+            largest extent of the part; None for a nonlinear body.
         step: indicators of a jump within the step of a history; None for other solves, first steps
             and steps from states that are not solutions.
-        apart: smallest gap if, under the static law, a body has moved and no contact point touches;
-            None otherwise.
+        apart: static law: smallest gap of a moved body that no contact point touches, or None.
         floating: rigid motions of moved bodies that are restrained only by contact without force;
             "" if there are none.
     """
@@ -363,11 +357,7 @@ def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
 
 
 def alternation(tables: Sequence[ContactTable]) -> float:
-    """Return the indicator of friction that alternates from step to step.
-
-    It is the smallest of the last three changes of the ratio of shear to pressure, divided by the
-    largest of the last four ratios, if the changes alternate in sign and the shear does not;
-    otherwise 0.
+    """Return the indicator of friction alternating from step to step (`StepIndicators`).
 
     Args:
         tables: tables of the surface at the ends of the last steps, in order of time.
@@ -417,10 +407,7 @@ def _within_one_part(eq: ContactEquations, s: DiscreteSurface) -> bool:
 
 
 def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Describe the rigid motions that are restrained only by contact without force. Collective.
-
-    The result is "" if there are none, or if no body that can move has moved.
-    """
+    """Describe rigid motions restrained only by contact without force; "" if none. Collective."""
     scaling = eq.scaling
     if not len(scaling.loose):
         return ""
@@ -519,8 +506,7 @@ def _negative_bound(
 ) -> float:
     """Return the magnitude of the most negative friction bound of closed points. Collective.
 
-    The bound is expressed as a nodal force and divided by the largest nodal contact force. The
-    result is 0 at rest, where all forces are round-off.
+    As a nodal force, it is divided by the largest contact force; 0 at rest (only round-off).
     """
     areas = s.points.areas
     below = maximum(s.comm, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
@@ -553,10 +539,7 @@ def _growth(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation
 
 
 def _pressure(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the mean pressure of closed points over the modulus of the surface. Collective.
-
-    The modulus is that at the stiffest vertex of the surface.
-    """
+    """Return the mean pressure over the modulus at the stiffest vertex of a surface. Collective."""
     touching = closed(contact.statuses)
     areas = s.points.areas[touching]
     pressure = np.abs(dot(contact.traction, contact.data.n))[touching]
@@ -593,13 +576,7 @@ def _normal_forces(contact: SurfaceEvaluation, areas: Array) -> Array:
 
 
 def _ratio_of_sums(comm: MPI.Comm, part: float, whole: float) -> float:
-    """Return the ratio of two sums over all ranks; 0 if the denominator is 0. Collective.
-
-    Args:
-        comm: communicator.
-        part: contribution of this rank to the numerator.
-        whole: contribution of this rank to the denominator.
-    """
+    """Return the ratio of two sums over all ranks; 0 if the denominator is 0. Collective."""
     parts, wholes = comm.allreduce(np.array([part, whole]))
     return float(parts / wholes) if wholes > 0 else 0.0
 
@@ -619,17 +596,7 @@ def _of_small_sliding(
     contact: SurfaceEvaluation,
     clamped: Mask,
 ) -> SurfaceIndicators:
-    """Return the indicators of a surface that test small sliding. Collective.
-
-    They are `misfit` and, for a pair, `slip` and `turn`.
-
-    Args:
-        eq: contact problem.
-        s: contact surface.
-        evaluation: evaluation of the state.
-        contact: part of the evaluation on this surface.
-        clamped: mask of the points clamped by Dirichlet data.
-    """
+    """Return `misfit` of a surface and, for a pair, `slip` and `turn`. Collective."""
     found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
     if s.between_bodies and not s.slides:
         return _of_pair(s, evaluation, contact, clamped, found)
@@ -664,15 +631,7 @@ def _of_pair(
     clamped: Mask,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
-    """Return the indicators of a pair in small sliding: `misfit`, `slip` and `turn`. Collective.
-
-    Args:
-        s: pair.
-        evaluation: evaluation of the state.
-        contact: part of the evaluation on this pair.
-        clamped: mask of the points clamped by Dirichlet data.
-        found: indicators in which the three values are replaced.
-    """
+    """Return ``found`` with `misfit`, `slip` and `turn` of a pair in small sliding. Collective."""
     at = contact.kinematics
     n = s.points.data.n
     jump = at.jump + at.reference
@@ -719,10 +678,9 @@ def _of_pair(
 
 
 def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the largest slip in a step on a rigid surface of facets. Collective.
+    """Return the slip in a step over the larger facet size of body and obstacle. Collective.
 
-    The slip is divided by the mean facet size of the body or of the obstacle, whichever is larger.
-    For other obstacles the result is 0.
+    For obstacles other than rigid surfaces of facets the result is 0.
     """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
@@ -733,12 +691,12 @@ def _slip_over_facets(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 
 
 def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the largest change of the normal at points that pass through the obstacle.
+    """Return the largest change of normal, in degrees, of points passing through the obstacle.
 
-    The result is an angle in degrees. The path of a point in the step leads through the obstacle if
-    the normal changes by more than a right angle and an intermediate position lies inside the
-    obstacle, all in the frame of the obstacle. The intermediate position divides the path in the
-    ratio of the gaps at its two ends. Collective.
+    The path of a point in the step leads through the obstacle if the normal changes by more than a
+    right angle and an intermediate position lies inside the obstacle, all in the frame of the
+    obstacle. The intermediate position divides the path in the ratio of the gaps at its ends.
+    Collective.
     """
     at, shape = contact.kinematics, s.displaced
     if shape is None or at.place is None:
@@ -763,10 +721,10 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
 def _approach(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
 ) -> float:
-    """Return the largest approach, in a step, of slave points without an opposing point.
+    """Return the largest approach in a step of unopposed slave points. Collective.
 
-    The approach is measured along the normal, relative to the mean motion of the master, and
-    divided by the search distance. Collective.
+    It is measured along the normal, relative to the mean motion of the master, and divided by the
+    search distance.
     """
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
@@ -785,10 +743,7 @@ def _approach(
 
 
 def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Return the largest depth of nodes of both faces behind planes of symmetry. Collective.
-
-    The depth is a length.
-    """
+    """Return the largest depth of nodes of both faces behind planes of symmetry. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
     faces = np.logical_or(*opposite.sides)[:n]
@@ -802,13 +757,12 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluati
 
 
 def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
-    """Return the largest rotation, in a step, of a face over the other one. Collective.
+    """Return the largest rotation, in a step, of a face over the other one, in degrees.
 
-    The result is in degrees, for each connected part of the face. In a pair the rotation is the
-    root mean square of the angles at the points. On an obstacle it is the rotation of the points
-    about their mean normal, by least squares. The weights are the normal forces. Pairs in small
-    sliding, and linear bodies in small sliding on an obstacle that does not rotate, are not tested,
-    because small displacements are assumed there.
+    In a pair, the rotation of a connected part of the face is the root mean square of the angles at
+    its points. On an obstacle it is the rotation of the points about their mean normal, by least
+    squares. The weights are the normal forces. Small sliding of pairs, and of linear bodies on
+    obstacles that do not rotate, is not tested, because it assumes small displacements. Collective.
     """
     turns = s.rigid_body is not None and s.rigid_body.turns
     small = s.between_bodies or (eq.bulk.linear and s.displaced is None and not turns)
@@ -843,10 +797,7 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
 
 
 def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Return the largest depth of the obstacle in a facet between contact points. Collective.
-
-    The depth is relative; see `_deepest`.
-    """
+    """Return the largest relative depth of the obstacle in a facet (`_deepest`). Collective."""
     return maximum(s.comm, _deepest(s, evaluation.u.reshape(-1, s.dim)))
 
 
@@ -884,16 +835,11 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
 
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
-    """Return points of the displaced obstacle that may lie in a facet, and a radius.
+    """Return points of the displaced obstacle that may lie in a facet, and a radius around them.
 
-    For a rigid surface, these are its points, and points on its creases and rims, with the radius
-    0; for a sphere, its centre; for a cylinder, points on its axis. For other obstacles there are
-    no points. The shape is (n, dim).
-
-    Args:
-        s: contact surface.
-        box: lowest and highest coordinates of the facets.
-        spacing: largest distance between points on an edge or axis.
+    They lie on a rigid surface, its creases and rims (radius 0), at the centre of a sphere or on
+    the axis of a cylinder at distances up to ``spacing``; other obstacles have none. The shape is
+    (n, dim).
     """
     shape = shape_of(s.obstacle)
     if isinstance(shape, RigidSurface):
@@ -938,8 +884,8 @@ def _numbers(given: Any) -> Array | None:
 def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the largest initial penetration of closed points into an obstacle. Collective.
 
-    It is divided by the smallest extent of the body. The result is 0 with an interference or a
-    removed overlap, and if the obstacle has moved.
+    It is divided by the smallest extent of the body; 0 with an interference, a removed overlap or a
+    moved obstacle.
     """
     given = s.description
     if given.interference is not None or given.remove_overlap is not None:
@@ -975,8 +921,8 @@ def _beside(
 def _facets(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     """Return the mean height of the smooth surface above the touched facets. Collective.
 
-    The weights of the mean are the normal forces. The height is divided by the local compression
-    (`_compression`). Facets that are not wider than those of the body have the height 0.
+    The mean has the normal forces as weights and is divided by the local compression. Facets not
+    wider than the facets of the body have the height 0.
     """
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):

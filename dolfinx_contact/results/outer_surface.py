@@ -24,13 +24,12 @@ class OuterSurface:
 
     Attributes:
         x: coordinates of the vertices, shape (n, 3).
-        nodes: numbers of the vertices in the input mesh, in increasing order, shape (n,).
-        cells: vertices of the boundary facets in 3D, or of all cells in 2D, one row per facet or
-            cell.
+        nodes: increasing numbers of the vertices in the input mesh, shape (n,).
+        cells: vertices of the boundary facets in 3D, or of all cells in 2D, one row each.
         contact: vertices of the facets of each contact surface, by name.
         opposite: vertices of the facets of the master of each pair, by name.
-        obstacles: facets of the obstacle of each surface that is not a pair, by name, as rows of
-            indices of the vertices in `SurfaceState.obstacles`.
+        obstacles: facets of the obstacle of each surface that is not a pair, by name: rows of
+            indices of vertices in `SurfaceState.obstacles`.
     """
 
     x: Array

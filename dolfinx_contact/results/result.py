@@ -72,21 +72,21 @@ class Result:
         energies: ``bulk``, the energy of the bulk form including the load potential (absent if the
             problem was given as a residual), and ``friction``, the frictional dissipation
             -sum(rt.ut) with the tangential forces rt (without adhesion) and the tangential
-            displacements ut; in a step of an evolution, ut is replaced by its increment.
+            displacements ut (their increments in a step of an evolution).
         kkt_violation: largest violation of the contact law, relative to the force and length
             scales.
         dofs: number of unknowns, including multipliers.
         support: resultant of the reactions at all Dirichlet dofs of the body, shape (dim,).
         supports: reaction of each condition of `ContactProblem.bcs`, in this order, shape
-            (conditions, dim). The reaction of a dof in several conditions is attributed to the last
-            of them, whose value is used; the rows therefore add up to ``support``.
+            (conditions, dim). The reaction of a dof in several conditions belongs to the last one,
+            whose value is used; the rows therefore add up to ``support``.
         support_displacements: mean displacement of the nodes of each condition, shape (conditions,
             dim); NaN in components that the condition does not prescribe.
         external: resultant of the remaining forces on the body, i.e. loads and springs of the bulk
             form, shape (dim,).
-        imbalance: norm of the sum of contact, support and external forces, divided by the sum of
-            the magnitudes of all forces. The three resultants are computed independently
-            (`balance`). Moments are not compared.
+        imbalance: norm of the sum of contact, support and external forces over the sum of the
+            magnitudes of all forces. The three resultants are computed independently (`balance`).
+            Moments are not compared.
         pairs: forces on both faces of every pair of bodies, by name (`balance.PairBalance`).
         indicators: indicators of model validity of the body and of each surface.
         rigid_bodies: motions of the rigid bodies and the forces on them, by name.
@@ -184,10 +184,7 @@ class Result:
 
     @property
     def min_det_F(self) -> float | None:
-        """Smallest det(I + grad u) of the body; None if it was not evaluated.
-
-        It is not evaluated for linear bodies with small displacements (`Indicators.min_det_F`).
-        """
+        """Smallest det(I + grad u); None for linear bodies with small displacements."""
         return self.indicators.min_det_F
 
     def summary(self, uniqueness: Uniqueness | None = None) -> dict[str, Any]:

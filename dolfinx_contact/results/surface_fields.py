@@ -123,11 +123,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 def _statuses(eq: ContactEquations, number: int, is_open: Array, slips: Array) -> Array:
     """Return the numbers of the prevailing statuses at the local vertices, shape (n,).
 
-    Args:
-        eq: contact problem.
-        number: index of the surface.
-        is_open: fraction of the area around each vertex that is open.
-        slips: fraction of the area that slips.
+    ``is_open`` and ``slips`` are the open and slipping fractions of the area around a vertex.
     """
     s = eq.surfaces[number]
     shares = np.stack([is_open, 1 - is_open - slips, slips])
@@ -142,16 +138,9 @@ def _statuses(eq: ContactEquations, number: int, is_open: Array, slips: Array) -
 def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, slip_at_points: Array
 ) -> dict[str, Array]:
-    """Return gap, slip, normal and traction at the vertices of a surface. Collective.
+    """Return gap, slip, normal and traction at the vertices (``method="integral"``). Collective.
 
-    They are values at the vertices themselves, not means around them, except for the slip in large
-    sliding.
-
-    Args:
-        eq: contact problem.
-        s: contact surface with ``method="integral"``.
-        evaluation: evaluation of the state in the Functions.
-        slip_at_points: slip at the contact points, shape (n, dim).
+    They are values at the vertices, not means around them, except for the slip in large sliding.
     """
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_nodes]

@@ -223,10 +223,9 @@ class ContactTable:
     def along(self, vectors: Array) -> Array:
         """Return tangential vectors as scalars: components along t in 2D, norms in 3D.
 
-        In 2D, t = (-n_y, n_x) is the tangent for the normal n.
-
         Args:
-            vectors: tangential vectors at the points, shape (n, dim).
+            vectors: tangential vectors at the points, shape (n, dim). In 2D, t = (-n_y, n_x) is the
+                tangent for the normal n.
         """
         if self.dim == 2:
             return along_tangent(vectors, self.n)
@@ -323,12 +322,12 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
     """Return the largest violation of the contact laws, relative to ``force``. Collective.
 
     The violation is measured by the natural residual at all points that are not clamped: the
-    traction minus the traction that the law determines from the jump and the traction. The residual
-    vanishes if and only if the law holds. Its augmentation parameter is chosen such that a gap of
-    ``length`` is equivalent to ``force``. Points without an admissible status also count as
-    violations. If several statuses are admissible, for example in a law that softens with a slope
-    larger than this parameter, the status of the state is used. With ``method="integral"``, where
-    the conditions are weak, the violation includes the discretisation error.
+    traction minus the traction that the law determines from jump and traction. It vanishes if and
+    only if the law holds. Its augmentation parameter is chosen such that a gap of ``length`` is
+    equivalent to ``force``. Points without an admissible status also count as violations. If
+    several statuses are admissible, for example in a law that softens with a slope larger than this
+    parameter, the status of the state is used. With ``method="integral"``, whose conditions are
+    weak, the violation includes the discretisation error.
 
     Args:
         eq: contact problem.
@@ -360,22 +359,15 @@ def violation(eq: ContactEquations, evaluation: Evaluation, force: float, length
 def friction_bound(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
     """Return the radius of the friction disc per area at each point, shape (n,).
 
-    The radius is evaluated at the pressure that the contact law determines. It is 0 at points
-    without friction and, unless open points may carry traction, at open points.
-
-    Args:
-        s: contact surface.
-        contact: evaluation of the surface.
+    It is evaluated at the pressure that the contact law determines. It is 0 without friction and,
+    unless open points may carry traction, at open points.
     """
     acts = closed(contact.answers.required) | (not s.law.needs_pressure)
     return np.where(acts, np.maximum(contact.answers.bound, 0.0), 0.0)
 
 
 def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.str_]:
-    """Return the status letters of the points of a surface, shape (n,).
-
-    At frictionless points in 2D, the letter is the sign of the sliding direction.
-    """
+    """Return status letters; at frictionless points in 2D, the sign of the sliding direction."""
     touching = closed(contact.statuses)
     codes = without_damage(contact.statuses)
     letters = np.where(touching, status.letters(s.dim)[codes], "o")
