@@ -47,8 +47,7 @@ def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> 
     Args:
         A: matrix on the displacements.
         eq: contact problem.
-        diagonal: diagonal entry of Dirichlet rows. All other entries of these rows and of the
-            corresponding columns are set to 0.
+        diagonal: diagonal entry of Dirichlet rows; the rest of their rows and columns is set to 0.
     """
     A = A.copy()
     fixed = np.flatnonzero(eq.fixed[: eq.owned_sizes[0]]) + A.getOwnershipRange()[0]
@@ -62,10 +61,10 @@ class ConstrainedField:
 
     Attributes:
         stiffness: stiffness of the field with Dirichlet rows.
-        rows: matrices that map the field to the prescribed motions, one for each block of
-            multipliers; every field has the same number of blocks.
-        forces: matrices, one for each block, whose transposes map multipliers to forces on the
-            field; default: ``rows``.
+        rows: matrices mapping the field to the prescribed motions, one per block of multipliers;
+            every field has the same number of blocks.
+        forces: matrices, one per block, whose transposes map multipliers to forces on the field;
+            default: ``rows``.
         without_forces: indices of the unknowns of the field on which multipliers exert no force;
             default: none.
     """
@@ -95,11 +94,7 @@ def saddle(fields: Sequence[ConstrainedField], unit: float) -> PETSc.Mat:
 
     The AIJ matrix is [K, s C^T; s A, 0] with the stiffness K of all fields, the matrix A from the
     fields to the prescribed motions, the transpose of a matrix C from multipliers to forces, and
-    the unit s of the multipliers.
-
-    Args:
-        fields: fields of unknowns.
-        unit: unit s.
+    the unit s = ``unit`` of the multipliers.
     """
     scaled = [[A * unit for A in field.rows] for field in fields]
     transposed = [field.transposed(unit) for field in fields]
@@ -117,11 +112,7 @@ def saddle(fields: Sequence[ConstrainedField], unit: float) -> PETSc.Mat:
 def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
     """Return whether a displacement matrix is symmetric and positive definite. Collective.
 
-    Pivots count as zero up to round-off.
-
-    Args:
-        eq: contact problem, whose Dirichlet rows are excluded.
-        A: displacement matrix.
+    Dirichlet rows are excluded. Pivots count as zero up to round-off.
     """
     inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
     definite = False
@@ -213,10 +204,7 @@ class ConstrainedBody:
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     def left(self) -> float:
-        """Return a bound of the norm of the residual of the last `solve`. Collective.
-
-        The bound includes the round-off of the residual.
-        """
+        """Return a bound of the residual norm of the last `solve`, including round-off."""
         off = self.round_off(self._x.norm(), self._b.norm())
         self._b.scale(-1.0)
         residual = self._b.duplicate()
@@ -228,9 +216,7 @@ class ConstrainedBody:
     def round_off(self, x: Any, b: Any) -> Any:
         """Return a bound of the round-off in a residual of the linear system. Collective.
 
-        Args:
-            x: norm of the solution.
-            b: norm of the right-hand side.
+        ``x`` is the norm of the solution, and ``b`` the norm of the right-hand side.
         """
         A = self.matrix
         size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
@@ -245,11 +231,11 @@ class ConstrainedBody:
     def signs(self) -> tuple[int, int]:
         """Numbers of negative and zero eigenvalues of the stiffness on a null space. Collective.
 
-        It is the null space of the matrix A from the fields to the prescribed motions. With m
-        independent rows of A, the matrix of the whole system has m more negative eigenvalues (N. I.
-        M. Gould, On practical conditions for the existence and uniqueness of solutions to the
-        general equality quadratic programming problem, Math. Programming 32, 1985). The stiffness
-        must be symmetric, and ``counted`` True.
+        The null space belongs to the matrix A from the fields to the prescribed motions. With m
+        independent rows of A, the whole matrix has m more negative eigenvalues (N. I. M. Gould, On
+        practical conditions for the existence and uniqueness of solutions to the general equality
+        quadratic programming problem, Math. Programming 32, 1985). The stiffness must be symmetric,
+        and ``counted`` True.
         """
         rows = int(self.comm.allreduce(sum(self.sizes[1:])))
         negative, zero, _ = self._factor.inertia

@@ -30,15 +30,13 @@ class GatheredPoints:
 
     Attributes:
         number: number m of points.
-        local: indices of the points of this rank among all its contact points, including clamped
-            ones.
+        local: indices of the points of this rank among all its contact points, also clamped ones.
         mine: indices of the points of this rank among the m points.
         positions: positions, shape (m, dim).
         normals: normals, shape (m, dim).
-        frames: orthogonal matrices T of the points, shape (m, dim, dim). In Cartesian components,
-            the jump at a point is T (ut, un) with the tangential displacement ut and the gap un,
-            and the force on the body is T (rt, rn) with the tangential force rt and the normal
-            force rn.
+        frames: orthogonal matrices T of the points, shape (m, dim, dim). T (ut, un) is the
+            Cartesian jump for the tangential displacement ut and the gap un, and T (rt, rn) the
+            Cartesian force on the body for its tangential and normal parts.
         areas: areas, shape (m,).
         friction: friction coefficients, shape (m,); 0 without friction and at points with
             prescribed tangential displacements.
@@ -102,10 +100,9 @@ class GatheredPoints:
         }
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Gather values of all ranks at the points, in the order of the points. Collective.
+        """Gather values at all contact points of all ranks, in the order of the m points.
 
-        Args:
-            values: values at all contact points of this rank, including clamped ones.
+        ``values`` includes the clamped contact points of this rank. Collective.
         """
         return self._gathered(values[self.local])
 
@@ -152,7 +149,7 @@ class PointLaws:
     """Contact laws of the points in 2D, in terms of the state w = (ut, un, rt, rn) of a point.
 
     ut is the tangential displacement, un the gap, and rt and rn are the tangential and normal
-    forces on the body divided by a stiffness, so that all entries are lengths.
+    forces divided by a stiffness, so that all entries are lengths.
 
     Attributes:
         number: number m of points.
@@ -182,9 +179,7 @@ class PointLaws:
         return codes
 
     def cones(self) -> tuple[Array, Array, Mask]:
-        """Return the cones of states for each of the four statuses of every point.
-
-        A state w of a point has a status if w = B z for some z and C w >= 0 (`laws.cones`).
+        """Return the cones {w = B z : C w >= 0} of the four statuses of every point (`laws.cones`).
 
         Returns:
             Bases B, shape (m, 4, 4, 2); inequalities C, shape (m, 4, 3, 4); and mask of the

@@ -48,8 +48,7 @@ class PointProblem:
             definite, shape (dim m, dim m).
         p: load, shape (dim m,).
         friction: friction coefficients F >= 0, shape (m,).
-        bound: prescribed friction bounds g >= 0, forces, shape (m,), default zero. The total bound
-            of a point is F rn + g.
+        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
         augmentation: augmentation parameters, force per length, shape (m,); by default the mean
             diagonal entry of S at each point.
         force: scale of forces in relative residuals if no contact force is larger; by default the
@@ -57,11 +56,10 @@ class PointProblem:
         length: scale of lengths in relative residuals if no displacement is larger; by default the
             largest displacement without contact.
         positions: coordinates of the points, shape (m, any); optional.
-        gap: initial gaps, which are contained in p, lengths, shape (m,); None if the problem was
-            not condensed from a body.
+        gap: initial gaps, contained in p, lengths, shape (m,); None if not condensed from a body.
         frames: orthogonal matrices, shape (m, dim, dim), whose columns are the tangents and minus
-            the outward normal. They map a and r at a point to Cartesian components. None if the
-            problem was not condensed from a body.
+            the outward normal, mapping a and r at a point to Cartesian components. None as for
+            ``gap``.
         S_error: error bounds of the entries of S, shape (dim m, dim m), or None if unknown. The
             asymmetry of S is added.
         p_error: error bounds of the entries of p, shape (dim m,), or None if unknown.
@@ -171,22 +169,16 @@ class PointProblem:
         return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
 
     def forces(self, a: Array) -> Array:
-        """Return the forces at the points that cause given displacements, shape (m, dim).
+        """Return the forces S a - p that cause displacements a, both of shape (m, dim).
 
-        They are r = S a - p with the stiffness S and the load p.
-
-        Args:
-            a: displacements, shape (m, dim).
+        S is the stiffness and p the load.
         """
         return (self.S @ a.reshape(-1) - self.p).reshape(a.shape)
 
     def displacements(self, r: Array) -> Array:
-        """Return the displacements of the points under given forces, shape (m, dim).
+        """Return the displacements S^-1 (r + p) under forces r, both of shape (m, dim).
 
-        They are a = S^-1 (r + p) with the stiffness S and the load p.
-
-        Args:
-            r: forces on the body, shape (m, dim).
+        S is the stiffness and p the load.
         """
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
@@ -204,18 +196,11 @@ class PointProblem:
     # -- the laws --------------------------------------------------------------------------------
 
     def radius(self, rn: Array) -> Array:
-        """Return the friction bounds of the points at given normal forces, shape (m,).
-
-        Args:
-            rn: normal forces, shape (m,).
-        """
+        """Return the friction bounds of the points at normal forces rn, both of shape (m,)."""
         return coulomb.radius(rn, self.friction, self.bound)
 
     def allowed(self, r: Array) -> Array:
-        """Map forces to admissible forces, shape (m, dim).
-
-        The normal force is projected onto non-negative numbers, and the tangential force onto the
-        friction disc for the resulting normal force.
+        """Project the normal force onto rn >= 0, then the tangential force onto its friction disc.
 
         Args:
             r: forces, shape (m, dim).
@@ -223,19 +208,13 @@ class PointProblem:
         return coulomb.allowed(r, self.friction, self.bound)
 
     def derivative(self, s: Array) -> Array:
-        """Return a generalised derivative of `allowed` at each point, shape (m, dim, dim).
-
-        Args:
-            s: forces at which the derivative is evaluated, shape (m, dim).
-        """
+        """Return generalised derivatives of `allowed` at forces s, shape (m, dim, dim)."""
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
-        """Return the augmented forces r - k a at which the laws are evaluated, shape (m, dim).
+        """Return the augmented forces r - k a for which laws are evaluated, shape (m, dim).
 
-        Args:
-            a: displacements, shape (m, dim).
-            r: forces on the body, shape (m, dim). The augmentation parameters k are `augmentation`.
+        k is the parameter `augmentation`, a the displacements and r the forces on the body.
         """
         return r - self.augmentation[:, None] * a
 
@@ -253,41 +232,19 @@ class PointProblem:
         return self.allowed(r - k[:, None] * a)
 
     def closed(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the points in contact, shape (m,).
-
-        Args:
-            a: displacements, shape (m, dim).
-            r: forces on the body, shape (m, dim).
-        """
+        """Return a mask of the points in contact, shape (m,), at displacements a and forces r."""
         return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the sticking points, shape (m,).
-
-        Args:
-            a: displacements, shape (m, dim).
-            r: forces on the body, shape (m, dim).
-        """
+        """Return a mask of sticking points, shape (m,), at displacements a and forces r."""
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> Codes:
-        """Return the status codes of the points at a state (`laws.status`), shape (m,).
-
-        Args:
-            a: displacements, shape (m, dim).
-            r: forces on the body, shape (m, dim).
-        """
+        """Return status codes (`laws.status`), shape (m,), at displacements a and forces r."""
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
-        """Return the residuals of a state relative to scales of force and length (`Measures`).
-
-        Args:
-            a: displacements, shape (m, dim).
-            r: forces on the body, shape (m, dim).
-            force: force scale.
-            length: length scale.
-        """
+        """Return the residuals of a state relative to scales of force and length (`Measures`)."""
         # In soft directions, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off = r - self.answer(a, r)

@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Condensation of the body onto its contact points, in 2D and 3D.
 
-Let u be the displacement of the body, j the jumps at the contact points, and r the forces on the
-body there. For increments du, dj and dr of these and dgamma of the load parameter gamma,
-equilibrium reads
+For increments du of the body displacement, dj of the jumps at the contact points, dr of the forces
+on the body there, and dgamma of the load parameter, equilibrium reads
 
     [ K  -B^T ] [ du ]   [ -b_u - c_u dgamma ]
     [ B    0  ] [ dr ] = [        dj         ]
 
 with the stiffness K, the matrix B from displacements to jumps, the residual b_u of the body and its
 derivative c_u with respect to gamma. (With rigid bodies, u also contains their motions, without
-stiffness, and B is [B, -Phi], where Phi maps these motions to displacements of the points.) The
-responses to unit jumps give the small dense stiffness S of the points, equal on every rank. In the
-local frames of the points, with the tangential displacements ut and the gaps un in a = (ut, un),
-and the tangential and normal forces in r = (rt, rn),
+stiffness, and B is [B, -Phi], where Phi maps these motions to displacements of the points.)
+Responses to unit jumps give the small dense stiffness S of the points, equal on every rank. In the
+local frames of the points, with the tangential displacements and gaps a = (ut, un) and the
+tangential and normal forces r = (rt, rn),
 
     S a - r = p + gamma q
 
@@ -24,9 +23,8 @@ linearisation, which determines how branches leave a point.
 
 The residuals of the linear systems bound the errors of S, p and q. Let X_i be the computed response
 to a unit jump i, and R_i its residual. Up to signs, X_i also solves the transposed system for a
-unit force. Hence the error of S_ij is X_i.R_j, whose magnitude is at most |X_i| |R_j|, up to
-products of two residuals; |R_j| includes the round-off of R_j. Assembled matrices are treated as
-exact.
+unit force. Hence the error of S_ij is X_i.R_j, at most |X_i| |R_j| up to products of two residuals;
+|R_j| includes the round-off of R_j. Assembled matrices are treated as exact.
 
 Every multiplier node must be a contact point. Cones are available for laws in 2D with polyhedral
 statuses (`laws.cones`).
@@ -73,9 +71,8 @@ _SYMMETRIC = 1e-8  # asymmetry, relative to the largest entry, that counts as ro
 class Reduction:
     """Contact problem with a parameter, condensed onto its points at a state. Collective.
 
-    A piece of the problem is the system of equations for fixed statuses of all points. The state w
-    of a point contains its tangential displacement and gap, and the tangential and normal forces on
-    the body divided by ``force_unit``.
+    A *piece* is the system of equations for fixed statuses of all points. The state w of a point
+    contains its tangential displacement, its gap, and the forces on the body.
 
     Args:
         parametric: contact problem within the `scope`.
@@ -91,11 +88,10 @@ class Reduction:
         S: stiffness divided by ``force_unit``, point by point, tangents before the normal;
             symmetric up to round-off if the body is symmetric, shape (dim m, dim m).
         load: load of the points divided by ``force_unit``, shape (dim m,).
-        rate: derivative of the load with respect to the parameter, divided by ``force_unit``, shape
-            (dim m,).
+        rate: derivative of `load` with respect to the parameter, shape (dim m,).
         exact: whether the pieces are affine.
-        force_unit: force per length by which stiffness and forces are divided, chosen such that the
-            mean diagonal entry of `S` is 1. Loads and all entries of w are thus lengths.
+        force_unit: force per length dividing all stiffnesses and forces, for a mean diagonal entry
+            of `S` of 1; loads and all entries of w are thus lengths.
     """
 
     system: AffineSystem
@@ -247,11 +243,10 @@ class Reduction:
     def always_solvable(self) -> bool:
         """Whether a solution exists for every value of the parameter.
 
-        This holds if the problem is affine for fixed statuses and the stiffness S is positive
-        definite. The problem with a given friction bound then has exactly one solution, which
-        depends continuously on the bound. By Brouwer's theorem there is a bound that equals the
-        friction coefficient times the normal force of its own solution (Haslinger, Math. Methods
-        Appl. Sci. 5, 1983).
+        This holds if the pieces are affine and the stiffness S is positive definite. The problem
+        with a given friction bound then has exactly one solution, which depends continuously on the
+        bound. By Brouwer's theorem there is a bound equal to the friction coefficient times the
+        normal force of its own solution (Haslinger, Math. Methods Appl. Sci. 5, 1983).
         """
         return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
@@ -275,18 +270,12 @@ class Reduction:
 
     @property
     def _rate_errors(self) -> Array:
-        """Error bounds of the derivative of the load with respect to the parameter.
-
-        The shape is (dim m,) for m points.
-        """
+        """Error bounds of the load derivative with respect to the parameter, shape (dim m,)."""
         return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
-        """Error bounds of stiffness, load and load rate, due to the residuals of linear systems.
-
-        The bounds of the load are those at the state of the linearisation.
-        """
+        """Error bounds of stiffness, load (at the linearised state) and load derivative."""
         k = self.force_unit
         d = self._dim
         # Frames mix the components of a point, and are orthonormal to round-off.
@@ -300,10 +289,7 @@ class Reduction:
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and the local index of the point. Collective.
-
-        The local index counts all contact points of that rank, including clamped ones.
-        """
+        """Return rank and local index (`GatheredPoints.owner`) of point ``i``. Collective."""
         return self.points.owner(i)
 
     def codes(self, piece: Piece) -> Codes:
@@ -319,11 +305,7 @@ class Reduction:
     # -- the body --------------------------------------------------------------------------------
 
     def _constrained_at_points(self, u: Array) -> ConstrainedBody:
-        """Return the factorised body with prescribed jumps at the contact points.
-
-        Args:
-            u: displacement at which the stiffness is evaluated.
-        """
+        """Return the factorised body at displacements u with prescribed jumps at contact points."""
         eq = self._equations
         first = 0
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
@@ -379,14 +361,7 @@ class Reduction:
         return self._matrix(n, rows, columns, moved)
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
-        """Return a matrix from motions of rigid bodies, with n rows on this rank.
-
-        Args:
-            n: number of rows on this rank.
-            rows: global row of each entry.
-            columns: global column of each entry.
-            values: values of the entries.
-        """
+        """Return a matrix with n local rows, given its entries, that maps rigid-body motions."""
         shape = n, self._equations.rigid.owned
         return triplet_matrix(self.comm, shape, rows, columns, values)
 
@@ -443,13 +418,9 @@ class Reduction:
     # -- states ----------------------------------------------------------------------------------
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """Return the state of all points, shape (m, 2 dim). Collective.
+        """Return the state w of all points, shape (m, 2 dim). Collective.
 
-        It contains the tangential displacement and gap of each point, and the tangential and normal
-        forces on the body divided by `force_unit`.
-
-        Args:
-            x: unknowns of the contact problem.
+        It contains tangential displacement, gap, and forces on the body divided by `force_unit`.
         """
         evaluation = self._equations.evaluate_contact(x)
         jumps, forces = [], []
@@ -461,12 +432,9 @@ class Reduction:
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
-        """Write the unknowns of the contact problem for a state of the points. Collective.
+        """Write the unknowns for the state ``w`` of the points (`contract`) at ``gamma`` to ``x``.
 
-        Args:
-            w: state of the points (`contract`), shape (m, 2 dim).
-            gamma: parameter at this state.
-            x: vector to which the unknowns are written.
+        ``w`` has the shape (m, 2 dim). Collective.
         """
         dw = w - self._w
         T = self.points.frames
@@ -505,12 +473,7 @@ class Reduction:
         self._move(x, du)
 
     def _move(self, x: PETSc.Vec, du: Array) -> None:
-        """Add increments of displacements and of rigid motions to the unknowns in place.
-
-        Args:
-            x: unknowns of the contact problem.
-            du: owned increments of the displacements, followed by those of the rigid motions.
-        """
+        """Add owned increments of displacements, then of rigid motions, to the unknowns ``x``."""
         x.array[: self._nodal] += du[: self._nodal]
         x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
 
@@ -525,13 +488,7 @@ def _no_solver() -> Any:
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """Return the reduced problem, with scales of force and length at a state. Collective.
-
-    The problem is the same on every rank.
-
-    Args:
-        equations: equations of the contact problem.
-        x: state at which the scales are evaluated.
+    """Return the reduced problem with the scales of a state, equal on every rank. Collective.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced.
@@ -546,12 +503,9 @@ def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
 
 
 def scaled(contact: PointProblem, scales: Scales) -> PointProblem:
-    """Return a reduced problem with other scales of force and length.
+    """Return a reduced problem with the scales of a state of the body (`scales_at`).
 
-    Args:
-        contact: reduced problem.
-        scales: scales at a state of the body (`scales_at`). If the displacement without contact is
-            larger than the scale of length, it replaces it.
+    The displacement without contact replaces the scale of length if it is larger.
     """
     # If all points stick, displacements vanish; the displacement without contact sets the scale.
     length = max(scales.length, float(np.abs(contact.free).max()))

@@ -47,15 +47,13 @@ def can_condense(
 ) -> bool:
     """Return whether a 2D problem can be condensed to an affine system. Collective.
 
-    This requires that the equations at the contact points are affine for fixed statuses. The result
-    is False in 3D.
+    The equations at the contact points must be affine for fixed statuses. False in 3D.
 
     Args:
         system: contact problem with a parameter.
         partly: whether contact points with prescribed tangential displacements are admissible.
             Their statuses in the reduced problem differ from those in the full problem.
-        bounded: whether Tresca's law is admissible, for which the equations are affine, but the
-            states with a given status do not form a cone.
+        bounded: whether Tresca's law is admissible, whose equations are affine but not conic.
     """
     eq = system.equations
     if eq.dim != 2 or _obstacle_at_points(system):
@@ -135,10 +133,7 @@ class _PartlyFixed(NamedTuple):
 
 
 def _partly_fixed(system: ParametricEquations) -> _PartlyFixed:
-    """Return properties of contact nodes at which only some components have Dirichlet data.
-
-    Collective.
-    """
+    """Return properties of contact nodes with Dirichlet data in some directions. Collective."""
     eq = system.equations
     some = oblique = rubbed = False
     for s, constraints in zip(eq.surfaces, eq.constraints.surfaces, strict=True):
