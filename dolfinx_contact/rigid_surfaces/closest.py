@@ -67,15 +67,11 @@ def closest_on(x: Array, corners: Array) -> Array:
 
 
 def _parts(x: Array, corners: Array) -> Array:
-    """Return barycentric coordinates of projections onto n triangles, not normalised, shape (n, 3).
+    """Return unnormalised barycentric coordinates of projections onto n triangles, shape (n, 3).
 
-    Entry i is, up to a positive factor common to the triangle, the scalar product of two area
-    vectors: that of the triangle, and that of the triangle formed by the projection of the point
-    and the two corners other than i.
-
-    Args:
-        x: points, one for each triangle, shape (n, 3).
-        corners: corners of the triangles, shape (n, 3, 3).
+    Entry i is, up to a positive factor per triangle, the scalar product of the area vectors of the
+    triangle and of its part between the projection and the corners other than i. One point per
+    triangle is given, shape (n, 3).
     """
     a = corners[:, 1] - corners[:, 0]
     b = corners[:, 2] - corners[:, 0]
@@ -129,11 +125,7 @@ class ClosestFacets:
         self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> ClosestPoints:
-        """Return the closest point of the surface for each given point.
-
-        Args:
-            x: points, shape (n, dim).
-        """
+        """Return the closest point of the surface for each of n points, shape (n, dim)."""
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
         closest = self._among(x, balls.reshape(-1), np.full(len(x), count))
@@ -171,11 +163,7 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Return balls that cover all facets: centres, index of the facet of each ball, and radii.
-
-    Args:
-        corners: corners of the facets, shape (number of facets, k, dim).
-    """
+    """Return balls that cover all facets: centres, index of the facet of each, and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(balls(corners)[1])))
@@ -193,11 +181,7 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _halved(corners: Array) -> Array:
-    """Bisect each facet at its longest edge; return both halves of each, shape (2 n, k, dim).
-
-    Args:
-        corners: corners of the facets, shape (n, k, dim).
-    """
+    """Bisect each of n facets at its longest edge; return both halves, shape (2 n, k, dim)."""
     k = corners.shape[1]
     pairs = list(combinations(range(k), 2))
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]

@@ -74,7 +74,7 @@ def distances_from(
     ends: Array | None = None,
     removed: Array | None = None,
 ) -> Distances:
-    """Compute the signed distances of points from a surface, with normals. Not collective.
+    """Compute signed distances of points from a surface, with normals. Not collective.
 
     The results are NaN for points that are not finite.
 
@@ -82,7 +82,7 @@ def distances_from(
         surface: triangulated surface of the obstacle.
         closest: search for the closest facets of the surface.
         x: points, shape (n, dim).
-        ends: facet sizes of the sliding face at the points, within which the points leave an open
+        ends: facet sizes of the sliding face at the points, within which points leave an open
             surface gradually, shape (n,); with zero or None, points leave abruptly.
         removed: overlaps removed from the gaps, shape (n,); None for no overlap.
     """
@@ -153,13 +153,7 @@ class _Places:
         self._take(corners, surface.of_points, points)
 
     def _take(self, where: Ints, features: Features, numbers: Ints) -> None:
-        """Set pseudonormals and flags of closest points that lie on ridges or at corners.
-
-        Args:
-            where: indices of the closest points.
-            features: normals and flags of all ridges, or of all points, of the surface.
-            numbers: index of the ridge or point on which each closest point lies.
-        """
+        """Set normals and flags of closest points ``where`` to features with these ``numbers``."""
         self.side[where] = unit(features.normals[numbers])
         self.crease[where] = features.creases[numbers]
         self.rim[where] = features.rims[numbers]
@@ -168,7 +162,9 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Mask, Array, Array]:
-    """Return gaps and gap gradients of points that are leaving an open surface past its rim.
+    """Return a mask of the points leaving an open surface past its rim, gaps, and gap gradients.
+
+    Gaps and gradients, shapes (n,) and (n, dim), are valid only for points in the mask.
 
     Args:
         away: vectors from the closest points on the surface to the n points, shape (n, dim).
@@ -177,10 +173,6 @@ def _ended(
         along: directions of the edges on which closest points move, otherwise zero, shape (n, dim).
         b: distances past the rim within which points leave, shape (n,).
         low: smallest heights at which points leave gradually, shape (n,).
-
-    Returns:
-        Mask of the points that are leaving, shape (n,); their gaps, shape (n,); and gradients of
-        the gaps, shape (n, dim). Gaps and gradients are valid only for points in the mask.
     """
     z = dot(away, m)
     past = tangential(away, m)
@@ -195,16 +187,10 @@ def _ended(
 def _interpolated(
     surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
 ) -> tuple[Array, Array]:
-    """Return the unit normals interpolated at n closest points, and their derivatives.
+    """Return unit normals interpolated at n closest points, and their derivatives.
 
-    The shapes are (n, dim) and (n, dim, dim).
-
-    Args:
-        surface: triangulated surface.
-        facets: indices of the facets that contain the closest points, shape (n,).
-        parts: barycentric coordinates of the closest points, shape (n, dim).
-        corners: corners of these facets, shape (n, dim, dim).
-        on: facet, ridge or corner on which each closest point lies.
+    ``parts`` are the barycentric coordinates of the closest points in ``facets``, ``corners`` the
+    corners of these facets.
     """
     of_corners = surface.corner_normals[facets]
     mean = np.einsum("nk,nki->ni", parts, of_corners)
@@ -218,11 +204,7 @@ def _interpolated(
 
 
 def _slopes(corners: Array) -> Array:
-    """Return the gradients of the k barycentric coordinates of n facets, shape (n, k, dim).
-
-    Args:
-        corners: corners of the facets, shape (n, k, dim).
-    """
+    """Return the gradients of the k barycentric coordinates of n facets, shape (n, k, dim)."""
     edges = corners[:, 1:] - corners[:, :1]
     inner = np.einsum("nai,nbi->nab", edges, edges)
     rest = np.linalg.solve(inner, edges)

@@ -71,10 +71,7 @@ def _of_stl(path: Path) -> Array:
 
 
 def _of_text(path: Path, text: str) -> Array:
-    """Return the corners of the k triangles in an ASCII STL file, shape (k, 3, 3).
-
-    The file may contain several solids.
-    """
+    """Return the corners of the k triangles of all solids in ASCII STL text, shape (k, 3, 3)."""
     lines = [line.split() for line in text.lower().splitlines() if line.strip()]
     if lines[-1][0] != "endsolid":
         raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Normals at the corners of facets that approximate a smooth surface.
 
-The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two points x_a and x_b
-of the quadric (the trapezoidal rule). The unit normals n_a and n_b of planes, spheres and circular
-cylinders, and of their smooth combinations along edges of facets, thus satisfy
+The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two of its points x_a
+and x_b (the trapezoidal rule). The unit normals of planes, spheres and circular cylinders, and of
+their smooth combinations along edges of facets, thus satisfy
 
     (n_a + n_b).(x_b - x_a) = 0    for every edge from x_a to x_b.
 
@@ -23,7 +23,7 @@ deviate from the guess by more than the facet normals around the point or an adj
 
 At a *tip*, such as the vertex of a cone, the tangent plane is not defined. A tip x_a is detected if
 n_a.(x_b - x_a) has the same sign for all its edges and n_b.(x_b - x_a) is much smaller; at the pole
-of a sphere these two products have opposite signs and equal magnitudes instead.
+of a sphere these products are equal and opposite instead.
 """
 
 from __future__ import annotations
@@ -51,9 +51,7 @@ _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return normals of k facets, scaled by segment length or twice the triangle area.
-
-    The shape is (k, dim).
+    """Return facet normals times segment length or twice the triangle area, shape (k, dim).
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -62,17 +60,14 @@ def crossed(corners: Array) -> Array:
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Separate the facets that meet at a tip, so that their normals are not averaged.
+    """Give every corner at a tip, such as the vertex of a cone, its own fan.
 
-    A fan consists of the facets around a point that are not separated by creases. Every corner at a
-    tip gets its own fan. At a tip, such as the vertex of a cone, the tangent plane is not defined.
+    A fan consists of the facets around a point that are not separated by creases; normals are
+    averaged over it. The result contains the new fan of each corner, shape (k dim,).
 
     Args:
         corners: corners of the k facets, shape (k, dim, dim).
         fans: index of the fan of each corner, shape (k dim,).
-
-    Returns:
-        New index of the fan of each corner, shape (k dim,).
     """
     k, dim = corners.shape[:2]
     if dim == 2:
@@ -95,12 +90,12 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
 def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
     """Return unit normals at the corners of k facets, shape (k, dim, dim).
 
-    The normals are equal within a fan, i.e. the facets around a point that are not separated by
-    creases. The *bend* of a facet is the largest rotation of normals per length along its edges. If
-    a facet bends much less than the most bent facet of its fan, like a flat part next to a rounded
-    edge, its weight in the initial guess is increased by a power of the ratio of their bends, so
-    that the surface continues this facet smoothly. For a facet at a crease, such as a chamfer, the
-    bend at the crease is included.
+    The normals are equal within a fan, the facets around a point that are not separated by creases.
+    The *bend* of a facet is the largest rotation of normals per length along its edges. If a facet
+    bends much less than the most bent facet of its fan, like a flat part next to a rounded edge,
+    its weight in the initial guess is increased by a power of the ratio of their bends, so that the
+    surface continues this facet smoothly. For a facet at a crease, such as a chamfer, the bend at
+    the crease is included.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -135,17 +130,7 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Limit the deviation of normals from a guess, and return the resulting unit normals.
-
-    The limit is the largest deviation of the facet normals at the point or at an adjacent point.
-
-    Args:
-        found: unit normals at the corners of facets, shape (k, dim, dim).
-        guess: guess of these normals, shape (k, dim, dim).
-        across: facet normals (`crossed`), shape (k, dim).
-        fans: index of the fan of each corner, shape (k dim,).
-        edges_of_fans: result of `_edges`.
-    """
+    """Limit the deviation of normals from a guess to the deviation of adjacent facet normals."""
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -160,25 +145,16 @@ def _near(
 
 
 def _weights(corners: Array) -> Array:
-    """Return the weights with which facet normals are averaged at their corners, shape (k, dim).
-
-    Args:
-        corners: corners of the facets, shape (k, dim, dim).
-    """
+    """Return the weights of facet normals in averages at their corners, shape (k, dim)."""
     dim = corners.shape[1]
     edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
     return 1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges)
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Return the weighted mean of facet normals at each corner, normalised, shape (k, dim, dim).
+    """Return the normalised weighted sum of facet normals over the fan of each corner.
 
-    The mean is over the fan of the corner.
-
-    Args:
-        weights: weights of the k facets at their corners, shape (k, dim).
-        across: facet normals (`crossed`), shape (k, dim).
-        fans: index of the fan of each corner, shape (k dim,).
+    The shape is (k, dim, dim) for k facets.
     """
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
@@ -189,9 +165,7 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Return unit normals that satisfy the edge condition of the module by least squares.
-
-    The shape is (k, dim, dim).
+    """Return unit normals, shape (k, dim, dim), by least squares from the edge condition.
 
     Args:
         edges_of_fans: result of `_edges`.
@@ -225,12 +199,7 @@ def _along_edges(
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
-    """Return n distinct facet edges: fans at both ends, and unit vectors, shape (n, dim).
-
-    Args:
-        corners: corners of the k facets, shape (k, dim, dim).
-        fans: index of the fan of each corner, shape (k dim,).
-    """
+    """Return n distinct facet edges: fans at both ends, and unit vectors, shape (n, dim)."""
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
@@ -242,14 +211,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """Return the largest rotation of normals per length along the edges of each facet.
-
-    The shape is (k,).
-
-    Args:
-        corners: corners of the facets, shape (k, dim, dim).
-        normals: unit normals at the corners, shape (k, dim, dim).
-    """
+    """Return the largest rotation of normals per length along edges of a facet, shape (k,)."""
     i, j = np.transpose(_SIDES[corners.shape[1]])
     turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=2)
     length = np.linalg.norm(corners[:, j] - corners[:, i], axis=2)
@@ -257,12 +219,7 @@ def _bends(corners: Array, normals: Array) -> Array:
 
 
 def _most(values: Array, groups: Ints) -> Array:
-    """Return, for each of n values, the maximum over its group, shape (n,).
-
-    Args:
-        values: non-negative values, shape (n,).
-        groups: index of the group of each value, shape (n,).
-    """
+    """Return, for each of n nonnegative values, the maximum over its group, shape (n,)."""
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return most[groups]

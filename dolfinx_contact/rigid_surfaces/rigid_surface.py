@@ -246,25 +246,17 @@ class RigidSurface(ReadOnly, Obstacle):
         return Start(gap, height, normal, on_obstacle)
 
     def _ends(self, widths: Array) -> Array:
-        """Return the distances past the rim within which points leave gradually, shape (n,).
+        """Return the distances past the rim within which points leave gradually.
 
-        Args:
-            widths: facet sizes of the sliding face, shape (n,). Sizes up to the rounding radius are
-                replaced by zero.
+        These are the facet sizes ``widths`` of the sliding face; sizes up to the rounding radius
+        become 0.
         """
         return np.where(widths > self.rounding, widths, 0.0)
 
     def _measure(
         self, x: Array, width: Array | None = None, removed: Array | None = None
     ) -> tuple[Array, Array, Array, Array]:
-        """Return gaps, gap gradients, normals into the obstacle, and derivatives of the normals.
-
-        Args:
-            x: points, shape (n, dim).
-            width: facet sizes of the sliding face at the points, shape (n,); None if no face
-                slides.
-            removed: overlaps removed from the gaps, shape (n,); None for no overlap.
-        """
+        """Return gaps, gap gradients, normals into the obstacle, and derivatives of the normals."""
         ends = None if width is None else self._ends(width)
         found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn

@@ -3,10 +3,10 @@
 
 A *ridge* is the intersection of two facets: a point in 2D, an edge in 3D. A ridge with a single
 facet is part of the rim of an open surface. A ridge with three or more facets is an error. A
-*crease* is a ridge at which the normals of the two facets differ by a large angle, and a *fan*
-consists of the facets around a point that are not separated by creases. Corner normals (`normals`)
-are averaged over a fan. Angle-weighted pseudonormals determine on which side of the surface a point
-is (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+*crease* is a ridge with a large angle between the normals of its facets. Corner normals (`normals`)
+are averaged over a *fan*, the facets around a point not separated by creases. Angle-weighted
+pseudonormals determine on which side of the surface a point is (Baerentzen and Aanaes, IEEE Trans.
+Vis. Comput. Graph. 11, 2005).
 """
 
 from __future__ import annotations
@@ -34,9 +34,7 @@ _REPAIR = "pyvista.read(path).clean().compute_normals(auto_orient_normals=True)"
 
 @dataclass(frozen=True)
 class Features:
-    """Normals and flags of the m ridges, or of the m points, of a surface.
-
-    A ridge is a point in 2D and an edge in 3D at which facets meet.
+    """Normals and flags of the m ridges (points in 2D, edges in 3D) or points of a surface.
 
     Attributes:
         normals: outward pseudonormals, not normalised, shape (m, dim).
@@ -51,18 +49,15 @@ class Features:
 
 @dataclass(frozen=True)
 class Triangulation:
-    """Consistently oriented surface of facets.
-
-    A ridge is a point in 2D and an edge in 3D at which facets meet.
+    """Consistently oriented surface of facets, which meet at ridges (points in 2D, edges in 3D).
 
     Attributes:
         points: coordinates of the points, shape (m, dim).
         cells: indices of the points of each facet, shape (k, dim).
         normals: unit normals of the facets, pointing out of the obstacle, shape (k, dim).
-        ridges: for each facet, the index of the ridge opposite to each corner, shape (k, dim).
-        of_ridges: pseudonormal of each ridge, and flags for ridges that are creases or on a rim.
-        of_points: pseudonormal of each point, and flags for points at which normals are not
-            averaged or that are on a rim.
+        ridges: index of the ridge opposite to each corner of the facets, shape (k, dim).
+        of_ridges: pseudonormals of the ridges, and flags for creases and rims.
+        of_points: pseudonormals of the points, and flags for creases and rims.
         corner_normals: averaged normals at the corners of facets, shape (k, dim, dim).
     """
 
@@ -81,10 +76,7 @@ class Triangulation:
 
     @property
     def edges(self) -> Ints:
-        """Edges that are creases or on a rim, as pairs of point indices, shape (n, 2).
-
-        In 2D the array is empty.
-        """
+        """Edges that are creases or rims, as pairs of points, shape (n, 2); empty in 2D."""
         if self.points.shape[1] == 2:
             return np.zeros((0, 2), dtype=np.int64)
         first = np.unique(self.ridges, return_index=True)[1]
@@ -100,21 +92,19 @@ class Triangulation:
 class _Ridges:
     """Ridges, i.e. points in 2D and edges in 3D at which facets meet, and their facets.
 
-    A ridge is interior if it belongs to two facets.
-
     Args:
         cells: points of the facets, shape (k, dim).
         name: name of the surface for messages.
 
     Attributes:
         what: name of the ridges in messages.
-        numbers: for each facet, the index of the ridge opposite to each corner, shape (k, dim).
-        nodes: points of the ridges opposite to all corners, in the orientation of the facet, shape
-            (k dim, dim - 1).
+        numbers: index of the ridge opposite to each corner of the facets, shape (k, dim).
+        nodes: points of the ridge opposite to each corner, oriented as the facet, shape (k dim, dim
+            - 1).
         signs: orientation of each row of ``nodes`` in its facet, 1 or -1, shape (k dim,).
-        first: for each interior ridge, the row of ``nodes`` that belongs to its first facet.
-        second: for each interior ridge, the row of ``nodes`` that belongs to its second facet.
-        rims: for each facet, a mask of the ridges with a single facet, shape (k, dim).
+        first: row of ``nodes`` for the first of two facets at each interior ridge.
+        second: row of ``nodes`` for the second facet at each interior ridge.
+        rims: mask of the ridges with a single facet, by facet, shape (k, dim).
     """
 
     def __init__(self, cells: Ints, name: str):
@@ -280,8 +270,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
 def _check_torn(points: Array, cells: Ints, ridges: _Ridges, name: str) -> None:
     """Raise ``ValueError`` if parts touch at a point only, or facets do not join at rims.
 
-    Facets do not join if a point of a rim lies on or near an edge of a rim (in 2D a segment) to
-    which it does not belong.
+    Facets do not join if a rim point lies on or near another rim edge (in 2D another segment).
     """
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
@@ -339,12 +328,7 @@ def _at(x: Array) -> str:
 
 
 def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
-    """Return the number of fans at each of the m points, shape (m,).
-
-    Args:
-        cells: points of the facets, shape (k, dim).
-        fans: index of the fan of each corner, shape (k dim,).
-    """
+    """Return the number of fans at each of the m points, shape (m,)."""
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
 
 
@@ -352,10 +336,7 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Return the signed volumes of the cones from the surface centre to each facet, shape (k,).
-
-    In 2D they are signed areas of triangles.
-    """
+    """Return signed volumes (2D: areas) of cones from the surface centre to facets, shape (k,)."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
     return dot(corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
