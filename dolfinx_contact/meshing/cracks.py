@@ -65,18 +65,17 @@ def crack(
         body = crack(body, ["fault"])
         fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
 
-    The first side, which keeps the tag, is the side with the smaller cell tag if the cell tags
-    differ. Otherwise it is the side whose outward normal points towards larger coordinates. The
-    decision is made at the first facet of each connected part of the crack, in the order of
-    coordinates (x, then y, then z). Where the crack ends inside the body, both sides keep their
-    common nodes. The mesh is rebuilt on rank 0, as when it is read.
+    The first side has the smaller cell tag if the cell tags differ; otherwise its outward normal
+    points towards larger coordinates. The decision is made at the first facet of each connected
+    part of the crack, in the order of coordinates (x, then y, then z). Where the crack ends inside
+    the body, both sides keep their common nodes. The mesh is rebuilt on rank 0, as when it is read.
 
     Args:
         body: mesh, or mesh with physical groups.
         groups: names or tags of groups of facets. Each arm of crossing or branching cracks needs
             its own group and its own pair (`ContactPair` describes contact where they meet). If a
-            crack ends on another crack, it divides one side of that other crack, and this side must
-            be the slave of its pair.
+            crack ends on another crack, it divides one side of that crack, which must be the slave
+            of its pair.
         facet_tags: facet tags of a mesh without groups.
         cell_tags: cell tags of a mesh without groups; default: none.
 
@@ -84,10 +83,10 @@ def crack(
         New mesh with all tags and names.
 
     Raises:
-        ValueError: on every rank, if a group does not exist, if a new name is the name of another
-            group, if a facet lies on the boundary, if a group crosses itself or branches, if no
-            node of a group can be duplicated, if the cells are curved, or if tags are missing or
-            belong to another mesh or to other entities.
+        ValueError: on every rank, if a group does not exist, a new name is the name of another
+            group, a facet lies on the boundary, a group crosses itself or branches, no node of a
+            group can be duplicated, the cells are curved, or tags are missing or belong to another
+            mesh or to other entities.
     """
     given: Any = body
     domain = given.mesh
@@ -104,10 +103,9 @@ class _Around:
         near: indices of these cells in the whole mesh.
         cells: nodes of these cells, shape (cells, nodes per cell); `split` replaces duplicated
             nodes.
-        corners: for each facet of a cell, the local indices of its nodes in the cell.
+        corners: local indices of the nodes of each facet of a cell.
         ids: indices of the facets of these cells, shape (cells, facets per cell).
-        tagged: for each tagged facet of the mesh, its index as in ``ids``, or -1 if it belongs to
-            none of these cells.
+        tagged: index of each tagged facet as in ``ids``; -1 if it belongs to none of these cells.
     """
 
     def __init__(self, whole: WholeMesh, cell: basix.CellType, marked: Mask):
@@ -121,12 +119,7 @@ class _Around:
         self.tagged = np.where(np.isin(ids[self.ids.size :], self.ids), ids[self.ids.size :], -1)
 
     def nodes(self, cells: Ints, places: Ints) -> Ints:
-        """Return the nodes of given facets, one row per facet.
-
-        Args:
-            cells: for each facet, the row of a cell to which it belongs.
-            places: for each facet, its local index in this cell.
-        """
+        """Return the nodes of facets, given by rows of cells and local facet indices."""
         return self.cells[cells[:, None], self.corners[places]]
 
     def split(self, crack: Ints, marked: Mask) -> tuple[Ints, Mask]:
@@ -165,13 +158,7 @@ class _Around:
 
 
 def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) -> WholeMesh:
-    """Return the mesh with separated crack sides, and a new group for the other side of each.
-
-    Args:
-        whole: mesh on this rank.
-        cell: cell type.
-        groups: names or tags of the groups of facets that become cracks.
-    """
+    """Return the mesh with separated crack sides, and a new group for the other side of each."""
     values = whole.facet_values
     known = whole.facet_names
     named = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
@@ -224,10 +211,7 @@ def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) 
 def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
     """Raise ``ValueError`` if a crack branches or cannot open; warn if single facets cannot.
 
-    Args:
-        whole: mesh on this rank.
-        tags: tags of the cracks.
-        opens: mask of the tagged facets that have a duplicated node.
+    ``opens`` is a mask of the tagged facets that have a duplicated node.
     """
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
@@ -258,16 +242,10 @@ def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
 def _sides(
     whole: WholeMesh, around: _Around, several: Mask, facets: Ints, tag: int
 ) -> tuple[Ints, Mask]:
-    """Return the facets on both sides of a crack, and a mask of those on the first side.
+    """Return the facets on both sides of a crack, and a mask of the facets on the first side.
 
-    Each facet occurs twice, once for each adjacent cell, as a row of node indices.
-
-    Args:
-        whole: mesh before its nodes were duplicated.
-        around: cells around the crack, with duplicated nodes.
-        several: mask of the nodes that share their position with another node.
-        facets: indices of the facets of the crack.
-        tag: tag of the crack, for messages.
+    Each facet occurs twice, once per adjacent cell, as a row of node indices. ``several`` is a mask
+    of the nodes sharing their position with another node.
     """
     cells, places = np.nonzero(np.isin(around.ids, facets))
     nodes = around.nodes(cells, places)

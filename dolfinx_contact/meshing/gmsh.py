@@ -114,9 +114,8 @@ class GmshMesh(NamedTuple):
     def bounds(self, name: str) -> Array:
         """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
-        The first row contains the lower bounds, the second row the upper bounds. For an empty group
-        the lower bounds are infinity and the upper bounds minus infinity. Errors are raised as by
-        `facets`.
+        The rows are lower and upper bounds; for an empty group infinity and minus infinity. Errors
+        are raised as by `facets`.
         """
         facets = self.facets(name)
         dim = self.facet_tags.dim
@@ -197,12 +196,7 @@ def named_mesh(domain: mesh.Mesh, cells: NamedTags, facets: NamedTags) -> GmshMe
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Return MeshTags with the names of their groups.
-
-    Args:
-        tags: MeshTags of cells or facets; returned unchanged if they already have names.
-        names: dimension and tag of each group, by name.
-    """
+    """Return MeshTags with the names of their groups; tags with names are unchanged."""
     if isinstance(tags, NamedTags):
         return tags
     return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
@@ -292,9 +286,7 @@ def mesh_from_gmsh(
 def draw_polygon(
     corners: Sequence[tuple[float, float]], size: float, sides: Mapping[str, Sequence[int]]
 ) -> None:
-    """Draw and mesh a polygon in the current gmsh model.
-
-    It is called by the function ``draw`` of `mesh_from_gmsh`, on rank 0.
+    """Draw and mesh a polygon in the current gmsh model, for `mesh_from_gmsh`, on rank 0.
 
     Args:
         corners: corners in order; the inside becomes the group ``body``.
@@ -323,10 +315,7 @@ def draw_polygon(
 
 @contextmanager
 def empty_model(gmsh: Any) -> Iterator[Any]:
-    """Context manager that provides an empty gmsh model and removes it on exit.
-
-    Models in an open gmsh session of the caller remain.
-    """
+    """Context manager providing an empty gmsh model; models of an open session remain."""
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -346,14 +335,7 @@ def empty_model(gmsh: Any) -> Iterator[Any]:
 
 
 def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str]) -> None:
-    """Draw the mesh by ``draw``; raise ``ValueError`` if it cannot be used. On rank 0.
-
-    Args:
-        model: gmsh model.
-        draw: function that makes the mesh.
-        dim: required dimension of the body; None for any.
-        wanted: required names of groups of facets.
-    """
+    """Draw the mesh by ``draw``; raise ``ValueError`` if it cannot be used. On rank 0."""
     try:
         draw()
         if model.getNumberOfPartitions():  # DOLFINx makes a partition of its own
@@ -367,12 +349,7 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
-    """Return a distributed mesh, made from a gmsh model on rank 0. Collective.
-
-    Args:
-        comm: communicator of the mesh.
-        model: gmsh model on rank 0; not used on other ranks.
-    """
+    """Return a distributed mesh, made from a gmsh model on rank 0. Collective."""
     named: list[dict[str, int]] = []
     body = 0
     if comm.rank == 0:
@@ -408,10 +385,7 @@ def _warn_of_lost_names(model: Any) -> None:
 
 
 def _groups(model: Any, dim: int) -> dict[int, str]:
-    """Return the name of each physical group of a dimension, by tag. On rank 0.
-
-    The name is "" for a group without a name.
-    """
+    """Return the names of the physical groups of a dimension by tag; "" if unnamed. On rank 0."""
     return {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
 
 

@@ -39,14 +39,14 @@ def name_groups(
 
     Args:
         domain: mesh of the bodies.
-        facets: dictionary from the name of each group to the local indices of its facets, or to a
-            function that maps coordinates, shape (3, n), to a mask of the n points. The function
-            selects facets of the boundary, as in ``mesh.locate_entities_boundary``.
+        facets: groups by name: local indices of facets, or a function that maps coordinates, shape
+            (3, n), to a mask of the n points and selects facets of the boundary, as in
+            ``mesh.locate_entities_boundary``.
         cells: name of the group of all cells.
 
     Returns:
-        `GmshMesh` with ``domain`` itself, not a copy, and its groups. The groups of facets have the
-        tags 1, 2, and so on, and all cells have the tag 1.
+        `GmshMesh` with ``domain`` itself, not a copy. The groups of facets have the tags 1, 2, and
+        so on, and all cells the tag 1.
 
     Raises:
         ValueError: on every rank, if a group is empty, a facet is in two groups, or names differ
@@ -70,12 +70,7 @@ def name_groups(
 def _facet_tags(
     domain: mesh.Mesh, facets: Mapping[str, Callable[[Array], Mask] | npt.ArrayLike]
 ) -> NamedTags:
-    """Return MeshTags of named groups of facets, or raise ``ValueError``. Collective.
-
-    Args:
-        domain: mesh.
-        facets: groups by name, as for `name_groups`.
-    """
+    """Return MeshTags of named groups of facets, or raise ``ValueError``. Collective."""
     dim = domain.topology.dim - 1
     domain.topology.create_connectivity(dim, dim + 1)
     index_map = domain.topology.index_map(dim)

@@ -162,12 +162,7 @@ def gathered(body: TaggedMesh, tag: int | None = None) -> WholeMesh | None:
 
 
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
-    """Return the indices of the owned entities that have a tag, and their tags.
-
-    Args:
-        tags: MeshTags; None for no tags.
-        owned: number of owned entities.
-    """
+    """Return the indices of the owned entities that have a tag, and their tags."""
     if tags is None:
         return np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32)
     mine = tags.indices < owned
@@ -240,13 +235,13 @@ def join(
         meshes: meshes with the same dimension and kind of cells, each on all ranks.
         prefixes: one prefix per mesh for the names of its groups, such as ``("upper_", "lower_")``.
             With different prefixes, groups of the same name are not merged. Default: none.
-        cell_tags: cell tags of every mesh. By default, those of its groups of cells; for a mesh
-            without groups, 1 for the cells of the first body, 2 for those of the second, and so on.
-        facet_tags: facet tags of every mesh; default: those of its groups of facets.
+        cell_tags: cell tags of every mesh; default: tags of its groups of cells, or, for meshes
+            without groups, 1 for the first body, 2 for the second, and so on.
+        facet_tags: facet tags of every mesh; default: tags of its groups of facets.
 
     Raises:
-        ValueError: on every rank, if the meshes differ in dimension or kind of cells, if cells are
-            curved, if tags or prefixes are missing, or if tags belong to another mesh or to other
+        ValueError: on every rank, if the meshes differ in dimension or kind of cells, cells are
+            curved, tags or prefixes are missing, or tags belong to another mesh or to other
             entities.
     """
     bodies: Sequence[Any] = meshes
