@@ -93,11 +93,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
-    """Parse command-line arguments of the form ``NAME=VALUE``; return the values by name.
-
-    Args:
-        words: arguments.
-        option: name of the option, for the message.
+    """Parse arguments ``NAME=VALUE`` of a command-line option; return the values by name.
 
     Raises:
         ValueError: if an argument does not contain ``=``.
@@ -109,11 +105,7 @@ def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
 
 
 def _proofs(words: Sequence[str]) -> list[SolutionCount]:
-    """Check stored proofs, and return the solution counts that they prove. On one rank.
-
-    Args:
-        words: arguments of the form ``GAMMA=FILE`` with the file of the proof at a parameter gamma.
-    """
+    """Check proofs given as ``GAMMA=FILE``; return the proved solution counts. On one rank."""
     found = []
     for gamma, file in _pairs(words, "--proof").items():
         number = float(gamma)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Volumes of bilinear and trilinear cells and their change by a displacement, in UFL.
 
-A point of a cell with the reference coordinates xi_i, from -1/2 to 1/2, has the position x = a_0 +
-sum_i a_i xi_i + sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3 with vector coefficients a_i, b_ij and
-c. Integration of det dx/dxi term by term gives the volume of a hexahedron,
+With reference coordinates xi_i from -1/2 to 1/2, a point of a cell is x = a_0 + sum_i a_i xi_i +
+sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3. Integration of det dx/dxi term by term gives the volume
+of a hexahedron,
 
     [a_1, a_2, a_3] + ([a_1, b_12, b_13] + [b_12, a_2, b_23] + [b_13, b_23, a_3]) / 12,
 
@@ -39,8 +39,7 @@ class Volumes:
     Attributes:
         share: cell volume divided by the determinant of the Jacobian at the midpoint and, for a
             body of revolution, by the radius at the midpoint.
-        dilatation: cell mean of div u for the displacement u, including u_r / r for a body of
-            revolution.
+        dilatation: cell mean of div u, including u_r / r for a body of revolution.
         ratio: displaced volume divided by reference volume.
     """
 
@@ -51,13 +50,12 @@ class Volumes:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Coefficients of a vector field on a cell as a polynomial in reference coordinates.
+    """Coefficients of a vector field on a cell as a polynomial in reference coordinates xi.
 
     Attributes:
         a: vector coefficient of each linear term xi_i.
         b: vector coefficient of each bilinear term xi_i xi_j, by (i, j).
-        r: first component of the field at the midpoint, followed by its derivatives with respect to
-            the reference coordinates there.
+        r: first component at the midpoint, followed by its derivatives with respect to xi there.
     """
 
     a: list[Any]
@@ -114,12 +112,7 @@ def _of_vertices(domain: Any) -> _Shape:
 
 
 def _of_displacement(u: fem.Function, x: _Shape) -> _Shape:
-    """Return the coefficients of a displacement, computed from its derivatives at the midpoint.
-
-    Args:
-        u: displacement.
-        x: coefficients of the position.
-    """
+    """Return the coefficients of a displacement, computed from its derivatives at the midpoint."""
     gradient, second = ufl.grad(u), ufl.grad(ufl.grad(u))
     k, m, n = ufl.indices(3)
     a = [gradient * column for column in x.a]
@@ -139,11 +132,7 @@ def _area(p: _Shape, q: _Shape) -> Any:
 
 
 def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the volume of a hexahedron as a form that is linear in each of three fields.
-
-    Its value is the volume if all fields are the position. Otherwise the fields determine the three
-    columns of the Jacobian.
-    """
+    """Return the hexahedron volume, linear in three fields, one per column of the Jacobian."""
     around = [
         [p.a[0], q.b[0, 1], s.b[0, 2]],
         [p.b[0, 1], q.a[1], s.b[1, 2]],
@@ -154,14 +143,6 @@ def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
 
 
 def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the integral of a radius over a quadrilateral, linear in each of three fields.
-
-    The value is the integral if all three fields are the position.
-
-    Args:
-        p: coefficients of the field whose first component is the radius.
-        q: coefficients of the field in the first column of the Jacobian.
-        s: coefficients of the field in the second column of the Jacobian.
-    """
+    """Integrate a radius (in p) over a quadrilateral with the Jacobian columns of q and s."""
     total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
     return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12

@@ -2,8 +2,7 @@
 """Compatibility layer for DOLFINx 0.9, 0.10 and 0.11.
 
 Features are detected; version numbers are not compared. No other module may depend on the version
-of DOLFINx. The code for a version is removed when this version leaves the table in
-`docs/install.md`.
+of DOLFINx. Code for a version is removed when it leaves the table in `docs/install.md`.
 """
 
 from __future__ import annotations
@@ -92,16 +91,7 @@ def tags_of_entities(
     entities: Ints,
     values: Indices,
 ) -> mesh.MeshTags:
-    """Create MeshTags of entities that are given by their input node numbers. Collective.
-
-    Each entity may be given on any rank.
-
-    Args:
-        domain: mesh.
-        dim: dimension of the entities.
-        entities: input node numbers of each entity, one row per entity.
-        values: tag of each entity.
-    """
+    """Create MeshTags of entities given on any rank by their input node numbers. Collective."""
     domain.topology.create_entities(dim)
     vertices, tags = io.distribute_entity_data(domain, dim, entities, values)
     domain.topology.create_connectivity(dim, 0)
@@ -118,14 +108,7 @@ def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
 
 
 def facet_integration_entities(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return the integration entities of owned exterior facets, for UFL measures.
-
-    The array contains the pairs (cell, local facet index) one after the other.
-
-    Args:
-        domain: mesh.
-        facets: local indices of facets.
-    """
+    """Return a flat array of (cell, local facet) of owned exterior facets for UFL measures."""
     args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
     if not _HAS_ENTITY_MAP:
         args += (domain.topology.dim - 1,)
@@ -143,7 +126,7 @@ def instantiated(
 ) -> fem.Form | None:
     """Return a DOLFINx form that uses compiled code, as ``fem.form`` creates it.
 
-    The Functions, Constants and mesh may differ from those for which the code was compiled.
+    Functions, Constants and mesh may differ from those for which the code was compiled.
 
     Args:
         ufcx: compiled form of FFCx.
@@ -151,7 +134,7 @@ def instantiated(
         spaces: function spaces of the arguments.
         functions: Functions in the order of ``ufcx``.
         constants: Constants in the order of ``ufcx``.
-        original: UFL form that has the same integrals as the compiled form; its mesh is used.
+        original: UFL form with the same integrals as the compiled form; its mesh is used.
         entity_maps: entity maps (`merge_entity_maps`), or None.
 
     Returns:
@@ -185,10 +168,7 @@ def instantiated(
 
 
 def interpolation_points(V: fem.FunctionSpace) -> Array:
-    """Return the interpolation points of a space on the reference cell.
-
-    They are returned by a method in DOLFINx 0.9 and stored in a property since 0.10.
-    """
+    """Return the reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
     return points() if callable(points) else points
 

@@ -46,12 +46,7 @@ class Ends:
     reason: str
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """Record why the process stopped.
-
-        Args:
-            ending: kind of reason.
-            reason: message with details; default: message of the kind.
-        """
+        """Record why the process stopped; ``reason`` defaults to the message of the kind."""
         self.ending = ending
         self.reason = reason or ending.value
 

@@ -258,10 +258,7 @@ def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
 
 
 def _has_one_point(integral: ufl.Integral) -> bool:
-    """Return whether an integral over non-affine cells has a rule with one point.
-
-    An estimated degree does not count.
-    """
+    """Return whether an integral over non-affine cells has a prescribed one-point rule."""
     domain = integral.ufl_domain()
     simplex = domain.ufl_cargo().topology.cell_type.name in ("interval", "triangle", "tetrahedron")
     if simplex and domain.ufl_coordinate_element().degree == 1:

@@ -81,12 +81,7 @@ def rounded(x: Array) -> Array:
 
 
 def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
-    """Return the global indices for local indices of an index map, in the same shape.
-
-    Args:
-        index_map: index map.
-        local: local indices, any shape.
-    """
+    """Return the global indices of local indices of an index map, in the same shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
 
@@ -116,15 +111,14 @@ def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
 def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
     """Return the curves formed by facets in 2D, sorted by the smallest vertex number of each.
 
-    An open curve begins at the end with the smaller vertex number. A closed curve begins and ends
-    at its vertex with the smallest number.
+    An open curve begins at the end with the smaller number. A closed curve begins and ends at its
+    vertex with the smallest number.
 
     Args:
         facets: vertices of the facets, shape (n, 2).
 
     Returns:
-        For each curve of k facets, the indices of these facets in order, shape (k,), and its
-        vertices, shape (k + 1,).
+        Indices of the k facets of each curve in order, shape (k,), and vertices, shape (k + 1,).
     """
     at_vertex: dict[int, list[int]] = {}
     for number in range(len(facets)):
@@ -150,9 +144,8 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
     Args:
         x: positions, shape (n, dim).
-        ids: integer keys that distinguish points with equal coordinates, such as points on both
-            sides of a crack, independent of the distribution over ranks, shape (n, k); default:
-            none.
+        ids: integer keys that distinguish points with equal coordinates, such as both sides of a
+            crack, independent of the ranks, shape (n, k); default: none.
     """
     ids = np.zeros((len(x), 0), dtype=np.int64) if ids is None else ids
     least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
@@ -161,12 +154,7 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
 
 def _grouped(values: Array, least: float) -> Ints:
-    """Return the rank of each value in increasing order; nearly equal values share a rank.
-
-    Args:
-        values: values, shape (n,).
-        least: largest difference of consecutive values that share a rank.
-    """
+    """Return the rank of each value in increasing order; steps up to ``least`` share a rank."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: Ints = np.zeros(len(values), dtype=np.int64)
@@ -180,8 +168,7 @@ class Gathered:
     Args:
         comm: communicator.
         x: positions of the points of this rank, shape (n, dim).
-        ids: integer keys that distinguish points with equal coordinates (`by_coordinates`), shape
-            (n, k).
+        ids: integer keys distinguishing equal coordinates (`by_coordinates`), shape (n, k).
 
     Attributes:
         positions: positions of all points, in order, shape (number of points, dim).
@@ -206,17 +193,12 @@ class Gathered:
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
         """Return values of all ranks in the order of all points. Collective.
 
-        Args:
-            values: one value or row for each point of this rank.
+        ``values`` contains one value or row for each point of this rank.
         """
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Return arrays of values of all ranks in the order of all points, by name. Collective.
-
-        Args:
-            values: arrays by name, each with one value or row for each point of this rank.
-        """
+        """Return arrays of all ranks, by name, each in the order of all points. Collective."""
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
@@ -233,22 +215,12 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def tangential(v: Array, n: Array) -> Array:
-    """Return the parts of vectors that are perpendicular to unit normals, shape (..., dim).
-
-    Args:
-        v: vectors, shape (..., dim).
-        n: unit normals, shape (..., dim).
-    """
+    """Return the parts of vectors v perpendicular to unit normals n, shape (..., dim)."""
     return v - dot(v, n)[..., None] * n
 
 
 def transformed(A: Array, v: Array) -> Array:
-    """Return the products of matrices and vectors, shape (..., i).
-
-    Args:
-        A: matrices, shape (..., i, j).
-        v: vectors, shape (..., j).
-    """
+    """Return products of matrices, shape (..., i, j), and vectors, shape (..., j)."""
     return (A @ v[..., None])[..., 0]
 
 
@@ -258,9 +230,7 @@ def unit(v: Array) -> Array:
 
 
 def unit_rates(n: Array, length: Array) -> Array:
-    """Return the derivatives of unit vectors n = m / |m| with respect to m.
-
-    The shape is (..., dim, dim).
+    """Return derivatives of unit vectors n = m / |m| with respect to m, shape (..., dim, dim).
 
     Args:
         n: unit vectors, shape (..., dim).
@@ -276,13 +246,7 @@ def plane_tangents(n: Array) -> Array:
 
 
 def unit_tangents(n: Array) -> Array:
-    """Return orthonormal tangents for m unit normals, shape (m, dim, dim - 1).
-
-    The tangents are the columns of the matrix of each normal.
-
-    Args:
-        n: unit normals, shape (m, dim).
-    """
+    """Return orthonormal tangents for m unit normals, as columns, shape (m, dim, dim - 1)."""
     if n.shape[1] == 2:
         return plane_tangents(n)[:, :, None]
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
@@ -291,23 +255,12 @@ def unit_tangents(n: Array) -> Array:
 
 
 def along_tangent(v: Array, n: Array) -> Array:
-    """Return the tangential components of m vectors in 2D, shape (m,).
-
-    Args:
-        v: vectors, shape (m, 2).
-        n: unit normals, shape (m, 2); the tangents are their `plane_tangents`.
-    """
+    """Return the components of m vectors in 2D along the `plane_tangents` of n, shape (m,)."""
     return v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1]
 
 
 def in_space(vectors: Array) -> Array:
-    """Return m vectors as vectors with three components, shape (m, 3).
-
-    In 2D the z-component is 0.
-
-    Args:
-        vectors: vectors, shape (m, dim).
-    """
+    """Return m vectors with three components, shape (m, 3); in 2D the z-component is 0."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
@@ -317,9 +270,7 @@ def ratio(a: Array, b: Array) -> Array:
 
 
 def balls(x: Array) -> tuple[Array, Array]:
-    """Return a ball that contains each of n facets.
-
-    The centre is the mean of the corners.
+    """Return a ball around each of n facets, centred at the mean of the corners.
 
     Args:
         x: corners of the facets, k per facet, shape (n, k, dim).
@@ -332,10 +283,9 @@ def balls(x: Array) -> tuple[Array, Array]:
 
 
 def area_vectors(x: Array) -> Array:
-    """Return the area vectors of n facets, shape (n, dim).
+    """Return the area vectors of n facets, normals with the area as norm, shape (n, dim).
 
-    The area vector is normal to the facet, and its norm is the area (length in 2D). The order of
-    the corners determines the orientation.
+    The order of the corners determines the orientation.
 
     Args:
         x: corners of the facets, k per facet, shape (n, k, dim).
@@ -348,13 +298,7 @@ def area_vectors(x: Array) -> Array:
 
 
 def area_vector_rates(x: Array) -> Array:
-    """Return the derivatives of `area_vectors` with respect to the corners of the facets.
-
-    The shape is (n, dim, k, dim) for n facets with k corners.
-
-    Args:
-        x: corners of the facets, shape (n, k, dim).
-    """
+    """Return derivatives of `area_vectors` with respect to the corners, shape (n, dim, k, dim)."""
     n, k, dim = x.shape
     rates = np.zeros((n, dim, k, dim))
     if dim == 2:
@@ -376,10 +320,7 @@ def area_vector_rates(x: Array) -> Array:
 def edges_of(x: Array) -> tuple[Array, Array]:
     """Return two edges of each 3D triangle, or both diagonals of each quadrilateral.
 
-    The corners of quadrilaterals are in tensor-product order.
-
-    Args:
-        x: corners of the facets, shape (n, k, 3).
+    The corners of quadrilaterals, shape (n, 4, 3), are in tensor-product order.
     """
     if x.shape[1] == 3:
         return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
@@ -387,13 +328,7 @@ def edges_of(x: Array) -> tuple[Array, Array]:
 
 
 def _crossing(v: Array) -> Array:
-    """Return the matrices of the cross products with n vectors, shape (n, 3, 3).
-
-    The matrix C of a vector v satisfies C w = v x w for every vector w.
-
-    Args:
-        v: vectors, shape (n, 3).
-    """
+    """Return the matrices C of cross products C w = v x w with n vectors v, shape (n, 3, 3)."""
     upper = np.zeros((len(v), 3, 3))
     upper[:, 0, 1] = -v[:, 2]
     upper[:, 0, 2] = v[:, 1]

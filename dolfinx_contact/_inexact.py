@@ -2,9 +2,9 @@
 """Inexact Newton methods: forcing terms, and nonlinear elimination of a few unknowns.
 
 *Forcing terms* are the relative tolerances of the linear systems of Newton steps. The tolerance of
-step k is gamma (F_k / F_(k-1))^2, where F_k is the norm of the nonlinear residual at step k and
-gamma a constant factor, with the safeguard against accidental decreases (Eisenstat and Walker, SIAM
-J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
+step k is gamma (F_k / F_(k-1))^2 with the norm F_k of the nonlinear residual and a constant gamma,
+with the safeguard against accidental decreases (Eisenstat and Walker, SIAM J. Sci. Comput. 17,
+1996, choice 2). Additions for kinks:
 
 1. While points change their status, the reduction of the residual does not predict the accuracy of
    the next linear model, so the tolerance keeps its largest value.
@@ -17,13 +17,12 @@ present step, in the rows of the contact conditions. A linear residual that is s
 error need not be reduced further. (Choice 1 of Eisenstat and Walker compares the two after the
 solve.)
 
-*Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns. It consists of
-Newton steps for some rows and the corresponding unknowns, while all other unknowns are fixed
-(Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid,
-Graeser and Kornhuber, J. Comput. Math. 27, 2009). Points at the edge of the contact zone thus find
-their status without a step of the whole body. A nearly incompressible body in which other unknowns
-are fixed is too stiff for this; the residual then grows considerably, and the correction is
-discarded.
+*Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns: Newton steps
+for some rows and the corresponding unknowns, while all other unknowns are fixed (Lanzkron, Rose and
+Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber,
+J. Comput. Math. 27, 2009). Points at the edge of the contact zone thus find their status without a
+step of the whole body. A nearly incompressible body with fixed unknowns is too stiff for this; the
+residual then grows considerably, and the correction is discarded.
 """
 
 from __future__ import annotations
@@ -48,8 +47,7 @@ class Forcing:
         first: tolerance of the first step, which carries prescribed motions to the surface.
         warm: tolerance of a start close to a solution, where an inaccurate step would change
             statuses that are correct.
-        gamma: factor in the tolerance, by which the squared reduction of the residual in the last
-            step is multiplied.
+        gamma: factor of the squared residual reduction of the last step in the tolerance.
         smallest: lower bound of all tolerances.
         tightest: smallest tolerance while statuses change.
         reserve: tolerance of the last step, relative to the reduction of the residual that is still
@@ -58,8 +56,7 @@ class Forcing:
             accurately enough to reach the target.
         many: fraction of the contact points; if the statuses of more points change in a step, the
             tolerance is ``largest``.
-        patience: number of steps without a new minimum of the residual after which the tolerances
-            shrink.
+        patience: steps without a new minimum of the residual after which tolerances shrink.
         looks: relative linear residual at which the linear model is tested first.
     """
 
@@ -80,18 +77,11 @@ class Forcing:
 
     @classmethod
     def in_motion(cls) -> Forcing:
-        """Return tolerances for time steps, whose linear systems are well conditioned.
-
-        The mass matrix improves their conditioning.
-        """
+        """Return tolerances for time steps, whose systems the mass matrix conditions well."""
         return cls(largest=1e-1, first=3e-2, warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
-        """Begin a nonlinear solve.
-
-        Args:
-            warm: whether the solve starts close to a solution.
-        """
+        """Begin a nonlinear solve; ``warm`` indicates a start close to a solution."""
         self._cap = self.warm if warm else self.largest  # largest tolerance at present
         self._last = 0.0  # residual of the last step
         self._eta = 0.0  # tolerance of the last step
@@ -136,16 +126,13 @@ class Forcing:
         return self._eta
 
     def suffices(self, reduction: float, remainder: Callable[[], float]) -> bool:
-        """Return whether a linear solve is accurate enough to end. Collective.
+        """Return whether the linear residual is at most the linear model's error. Collective.
 
-        This is the case if the linear residual does not exceed the error of the linear model. The
-        error is evaluated only if a test is due.
+        The error is evaluated only if a test is due.
 
         Args:
-            reduction: ratio of the linear residual to the nonlinear residual at the start of the
-                step.
-            remainder: function returning the error of the linear model, divided by the same
-                residual.
+            reduction: ratio of the linear residual to the initial nonlinear residual of the step.
+            remainder: function returning the error, divided by the same residual.
         """
         if reduction > self._next:
             return False
@@ -170,7 +157,7 @@ def settle(
 ) -> tuple[bool, bool]:
     """Correct unknowns in place until a correction makes the residual grow. Collective.
 
-    The loop also ends if there is no correction or after a number of rounds. A correction with a
+    The loop also ends without a correction or after a number of rounds. A correction with a
     considerably larger residual is rejected.
 
     Args:
@@ -183,8 +170,8 @@ def settle(
         rounds: largest number of corrections.
 
     Returns:
-        Whether ``x`` has changed; and whether the last evaluation of the residual was at ``x``,
-        rather than at a rejected state.
+        Whether ``x`` has changed; and whether the residual was last evaluated at ``x``, not at a
+        rejected state.
     """
     changed = False
     at_x = True

@@ -95,8 +95,7 @@ def optional(package: str, extra: str, *, in_debian: bool = True) -> Any:
 
     Args:
         package: name of the package or of a module in it.
-        extra: extra of this distribution (as in ``pip install "name[extra]"``) that contains the
-            package.
+        extra: extra of this distribution with the package, as in ``pip install "name[extra]"``.
         in_debian: whether Debian's package suffices.
 
     Raises:

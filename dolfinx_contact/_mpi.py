@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """MPI: errors on all ranks, comparison of arguments, shared values, and the lifetime of meshes.
 
-A few numbers are sent through MPI's buffers, because the lower-case methods of mpi4py pickle
-arrays. Pickling takes twenty times as long, which is as long as the evaluation of a law at a few
-contact points.
+A few numbers are sent through MPI's buffers: the lower-case methods of mpi4py pickle arrays, which
+takes twenty times as long, as much as the evaluation of a law at a few contact points.
 """
 
 from __future__ import annotations
@@ -116,14 +115,9 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
 
 
 def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
-    """Return the error of the lowest failed rank. Collective.
+    """Return the error of the lowest failed rank; on that rank, it is the same object.
 
-    On that rank it is the same object, on other ranks a copy with the traceback as a note.
-
-    Args:
-        comm: communicator.
-        failure: error on this rank; None if it did not fail.
-        what: description of the work for the note.
+    On other ranks it is a copy with the traceback as a note. Collective.
     """
     sent = None
     if failure is not None:
@@ -285,10 +279,7 @@ _GIVEN = _Words("given")
 
 
 def _comparable(value: Any) -> Any:
-    """Return a value by which ranks compare an argument.
-
-    For objects that are not compared by value, it is a marker that they are present.
-    """
+    """Return the value by which an argument is compared, or a marker that it is present."""
     if isinstance(value, np.generic | np.ndarray) and value.dtype != object:
         value = value.tolist()
     if isinstance(value, float):
@@ -321,9 +312,8 @@ def _comparable(value: Any) -> Any:
 class SharedValues:
     """Exchange of values at the local indices of an index map, owned indices first.
 
-    DOLFINx creates neighbourhood communicators for every vector, in a collective call that takes a
-    millisecond or more. This object is therefore reused: it creates one vector for each number of
-    entries.
+    DOLFINx creates neighbourhood communicators for every vector, a collective call of a millisecond
+    or more. This object is therefore reused: it creates one vector for each number of entries.
 
     Args:
         index_map: index map, for example of nodes.
@@ -340,8 +330,7 @@ class SharedValues:
     def zeros(self, width: int) -> la.Vector:
         """Return the cached vector with ``width`` entries per index, set to 0.
 
-        Collective at the first call for a width. The next call of any method with the same width
-        overwrites the vector.
+        Collective at the first call for a width; the next call with this width overwrites it.
         """
         vector = self._vectors.get(width)
         if vector is None:
@@ -367,21 +356,13 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def marked(self, places: npt.NDArray[np.integer]) -> Mask:
-        """Return a mask of the local indices that are listed on at least one rank. Collective.
-
-        Args:
-            places: local indices listed on this rank.
-        """
+        """Return a mask of the n local indices listed on at least one rank. Collective."""
         return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:
         """Return values at all n local indices, given the values at owned ones. Collective.
 
-        Args:
-            values: values at the owned indices, shape (owned indices, *s) with any shape s.
-
-        Returns:
-            Values including ghosts, shape (n, *s).
+        A value may have any shape s: (owned indices, *s) is extended to (n, *s).
         """
         shape = values.shape[1:]
         v, rows = self._rows(shape)
@@ -391,11 +372,7 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
-        """Return the cached vector for values of a shape, and its array as rows.
-
-        Args:
-            shape: shape of the value at one index.
-        """
+        """Return the cached vector for values of a shape, and its array, one row per index."""
         width = int(np.prod(shape, dtype=int))
         v = self.zeros(width)
         return v, v.array.reshape(self._size, width)
@@ -414,10 +391,7 @@ def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
 
 
 def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
-    """Return the largest value over all ranks, for each entry of an array. Collective.
-
-    An entry is NaN if it is NaN on any rank.
-    """
+    """Return entrywise maxima over all ranks; NaN where any rank has NaN. Collective."""
     local = np.ascontiguousarray(values, dtype=np.float64)
     maxima = np.empty_like(local)
     comm.Allreduce(local, maxima, op=_LARGEST)
@@ -425,12 +399,7 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
 
 
 def sorted_rows(comm: MPI.Comm, rows: Array) -> list[list[float]]:
-    """Return the rows of arrays on all ranks, sorted lexicographically. Collective.
-
-    Args:
-        comm: communicator.
-        rows: rows of this rank, shape (n, k).
-    """
+    """Return the rows of arrays on all ranks, sorted lexicographically. Collective."""
     return sorted(row for part in comm.allgather(rows.tolist()) for row in part)
 
 

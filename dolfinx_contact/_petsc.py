@@ -223,10 +223,7 @@ class ProblemOptions:
                 one_of(value, name, _SNES_TYPES)
 
     def value(self, name: str) -> str | None:
-        """Return the value of an option, from the database or otherwise from the user.
-
-        It is None if the option is not set.
-        """
+        """Return an option from the database or otherwise the user; None if it is not set."""
         database = PETSc.Options()
         if database.hasName(self.prefix + name):
             return str(database.getString(self.prefix + name))
@@ -298,12 +295,7 @@ def reasons_of(ksp: PETSc.KSP) -> str:
 
 
 def reason_name(reasons: Any, value: int) -> str:
-    """Return PETSc's name of the reason for which a solver converged or diverged.
-
-    Args:
-        reasons: class of petsc4py with the reasons as attributes.
-        value: code of the reason.
-    """
+    """Return PETSc's name of a converged or diverged reason in a petsc4py class."""
     names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
     return max(names, key=len, default=str(value))
 
@@ -326,12 +318,7 @@ def destroy(*objects: Any) -> None:
 
 
 def product(A: PETSc.Mat, values: Array) -> Array:
-    """Return the owned entries of a matrix-vector product A x. Collective.
-
-    Args:
-        A: matrix.
-        values: owned entries of x, which may be followed by other values.
-    """
+    """Return the owned entries of A x, where ``values`` begins with x. Collective."""
     x, y = A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
     A.mult(x, y)
@@ -341,11 +328,7 @@ def product(A: PETSc.Mat, values: Array) -> Array:
 
 
 def forget_product(A: PETSc.Mat) -> None:
-    """Free the data that PETSc keeps to recompute a product of matrices. Collective.
-
-    Args:
-        A: product of matrices.
-    """
+    """Free the data that PETSc keeps to recompute the matrix product ``A``. Collective."""
     _require_success(_library().MatProductClear(ctypes.c_void_p(A.handle)))
 
 
@@ -382,9 +365,7 @@ def staged(name: str) -> Iterator[None]:
 
 
 class Entries:
-    """Repeated assembly of sparse matrix entries with fixed rows and columns.
-
-    Values at the same row and column are summed, also across ranks.
+    """Repeated assembly of sparse matrix entries; duplicates are summed, also across ranks.
 
     Args:
         rows: global row numbers, shape (n,); entries with a negative row or column are omitted.
@@ -419,13 +400,7 @@ class Entries:
         )
 
     def add(self, values: Array, A: PETSc.Mat) -> None:
-        """Add values to a matrix, and assemble it. Collective.
-
-        Args:
-            values: values of the entries, in the order of rows and columns at construction, shape
-                (n,).
-            A: matrix.
-        """
+        """Add values, in the order of rows and columns, to ``A`` and assemble it. Collective."""
         self.insert(values, A)
         A.assemble()
 
@@ -485,9 +460,7 @@ def triplet_matrix(
     columns: Ints,
     values: Array,
 ) -> PETSc.Mat:
-    """Return the matrix with given entries. Collective.
-
-    Values at the same row and column are summed, also across ranks.
+    """Return the matrix with given entries; duplicates are summed, also across ranks. Collective.
 
     Args:
         comm: communicator.
@@ -601,26 +574,15 @@ class Factor:
         return pc.getFactorMatrix().getMumpsInfog(1) in _NO_ROOM
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve the linear system A x = b with the factorised matrix A.
-
-        Args:
-            b: right-hand side.
-            x: vector to which the solution is written.
-
-        Returns:
-            Whether the solve succeeded.
-        """
+        """Solve A x = b with the factorised matrix A; return whether this succeeded."""
         self.ksp.solve(b, x)
         return bool(self.ksp.getConvergedReason() > 0)
 
     def solve_columns(self, loads: Columns) -> PETSc.Mat:
-        """Solve A X = B with the factorised matrix A for many right-hand sides.
+        """Solve A X = B; return the dense matrix X, to be destroyed by the caller.
 
         Args:
             loads: owned rows of B as sparse columns, shape (n, k).
-
-        Returns:
-            Dense matrix X, to be destroyed by the caller.
         """
         pc = self.ksp.getPC()
         factor = pc.getFactorMatrix()
@@ -669,8 +631,7 @@ class Factor:
 def is_symmetric(A: PETSc.Mat) -> bool:
     """Return whether a matrix is symmetric up to round-off. Collective.
 
-    PETSc's own test considers only the rows of each rank; its result may be wrong if a rank has few
-    rows.
+    PETSc's own test considers only the rows of each rank and may be wrong for few rows.
     """
     size = A.norm(PETSc.NormType.NORM_INFINITY)
     off = A.transpose(PETSc.Mat())

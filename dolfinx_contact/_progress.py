@@ -52,11 +52,7 @@ class Progress:
         return not self._silent and time.monotonic() - self._start >= self._after
 
     def update(self, text: str) -> None:
-        """Update the progress line on a terminal; otherwise write a new line now and then.
-
-        Args:
-            text: progress of the computation.
-        """
+        """Update the progress line on a terminal; otherwise write a new line now and then."""
         self._shown = True
         if self._live:
             # A wrapped line could not be erased.
@@ -78,11 +74,7 @@ class Progress:
             self._open = False
 
     def close(self, text: str = "") -> None:
-        """Erase the progress line; write a permanent last line if progress was shown.
-
-        Args:
-            text: last line; "" for no line.
-        """
+        """Erase the progress line; if progress was shown, write ``text`` as a last line."""
         self.clear()
         if self._shown and text:
             self._put(text)

@@ -4,9 +4,8 @@ r"""Analysis of UFL expressions: dependence on terminals, coefficients, meshes a
 The *dependence* of a UFL expression on a Function, a Constant or a variable v is decided
 symbolically, after derivatives have been expanded. The expression has a kink or a jump in v if v
 occurs in abs, max_value, min_value or the condition of a conditional. It is affine in v if it has
-neither a kink nor a jump and its derivative does not contain v. A vanishing second derivative does
-not imply this, because it also vanishes on both sides of a kink. Evaluation at sample points does
-not imply it either.
+neither and its derivative does not contain v. A vanishing second derivative does not imply this,
+because it also vanishes on both sides of a kink; nor do evaluations at sample points.
 
 The derivative of max_value(v, 0)**2 is 2 max_value(v, 0) c with a condition c. It counts as a kink
 although its values are continuous.
@@ -60,9 +59,7 @@ def depends_on(e: Any, *terminals: Any) -> bool:
 
 
 def kinks_of(e: Any, *terminals: Any) -> str:
-    """Describe a kink or jump of an expression as a function of terminals, for messages.
-
-    The result is "" if there is none.
+    """Describe a kink or jump of an expression in terminals, for messages; "" if none.
 
     Args:
         e: UFL expression of any shape, or form.
@@ -196,9 +193,8 @@ def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
 def described(value: Any, domain: mesh.Mesh) -> str:
     """Describe an argument by a text that is equal on ranks passing the same argument.
 
-    UFL is described by the values of its Constants and by its signature. The signature contains
-    neither the numbers that UFL assigns to objects nor the values of Functions, which are
-    distributed over the ranks.
+    UFL is described by the values of its Constants and by its signature, which contains neither the
+    numbers of UFL's objects nor the values of Functions, which are distributed over the ranks.
 
     Args:
         value: number, UFL expression or form on ``domain``, Dirichlet condition, or any object with

@@ -145,10 +145,7 @@ def listed(values: Any, name: str) -> list[Any]:
 
 
 def scalar(value: Any, name: str) -> Any:
-    """Validate a finite number or a UFL scalar, and return it.
-
-    A number is returned as a float, a UFL scalar unchanged.
-    """
+    """Validate a finite number, returned as a float, or a UFL scalar, returned unchanged."""
     if getattr(value, "ufl_shape", None) == ():
         return value
     return number(value, name, "a finite number or a UFL scalar")
@@ -183,10 +180,7 @@ def word(value: Any, name: str) -> str:
 
 
 def word_in_history(value: Any, name: str) -> str:
-    """Validate the name of a surface or body whose columns occur in tables of steps.
-
-    Names such as ``"support_0"`` are rejected, because these tables use them for supports.
-    """
+    """Validate a name of a surface or body in tables of steps, which reserve ``"support_0"``."""
     if re.fullmatch(r"support_\d+", word(value, name)):
         raise ValueError(f"{name} must not be {value!r}, the name of a support in tables of steps")
     return str(value)
@@ -207,13 +201,10 @@ _SEALED = "_sealed"
 
 
 def read_only(advice: str) -> Callable[[type[_T]], type[_T]]:
-    """Return a class decorator that adds advice to the error raised when an attribute is assigned.
-
-    It is intended for frozen dataclasses.
+    """Return a decorator of frozen dataclasses adding advice to errors of assignments.
 
     Args:
-        advice: text added to the message, in which ``{name}`` is replaced by the name of the
-            attribute.
+        advice: text for the message, in which ``{name}`` is replaced by the attribute name.
     """
 
     def decorate(cls: type[_T]) -> type[_T]:

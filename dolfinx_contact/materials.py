@@ -182,12 +182,7 @@ def _deformation(H: Any) -> Any:
 
 
 def _in_space(A: Any, across: Any) -> Any:
-    """Return a 2 x 2 tensor as a 3 x 3 tensor.
-
-    Args:
-        A: components in the plane.
-        across: out-of-plane component, with the indices 33.
-    """
+    """Return the 2 x 2 tensor ``A`` as a 3 x 3 tensor with ``across`` as its 33 component."""
     return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
 
 
@@ -214,14 +209,14 @@ class Material:
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """Return the B-bar energy integral for nearly incompressible quadrilaterals or hexahedra.
 
-        The part of the energy that grows with the first Lame coefficient lambda depends on the
-        change of volume of the whole cell, which is computed exactly, also for distorted cells. The
-        remaining part of the energy is integrated by ``dx``. This is the mean dilatation or B-bar
-        method (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177;
-        Hughes, Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains the method
-        with the ratio of the cell volumes (Simo, Taylor and Pister, Comput. Methods Appl. Mech.
-        Engrg. 51, 1985, 177-208). In the part that grows with lambda, moduli are evaluated at the
-        centre of the cell. `mean_dilatation_stress` returns the stress.
+        The part of the energy growing with the first Lame coefficient lambda depends on the change
+        of volume of the whole cell, which is computed exactly, also for distorted cells. The
+        remaining part is integrated by ``dx``. This is the mean dilatation or B-bar method
+        (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes,
+        Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains the method with
+        the ratio of the cell volumes (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engrg.
+        51, 1985, 177-208). In the first part, moduli are evaluated at the centre of the cell.
+        `mean_dilatation_stress` returns the stress.
 
         Args:
             u: displacement (length), of degree 1.
@@ -296,10 +291,7 @@ class Material:
         self.check_moduli()
 
     def _own(self, expression: Any) -> Any:
-        """Register an expression as one of this material, and return it.
-
-        `materials_in` finds materials by these expressions.
-        """
+        """Register an expression of this material, so that `materials_in` finds it; return it."""
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
@@ -313,10 +305,7 @@ class Material:
 
     @property
     def _law(self) -> Material:
-        """Material whose energy is a function of the displacement gradient.
-
-        It is this material, or the inner material of an axisymmetric body.
-        """
+        """Material that defines the energy as a function of the displacement gradient."""
         return self
 
     def _gradient(self, u: fem.Function) -> Any:
@@ -332,34 +321,19 @@ class Material:
     # -- the law of the material -----------------------------------------------------------------
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the stored energy density for a displacement gradient.
-
-        Args:
-            u: displacement.
-            H: displacement gradient.
-        """
+        """Return the stored energy density for the displacement gradient H."""
         ratio = ufl.det(_deformation(H))
         return self._shape_energy(u, H) + self._volume_energy(u, ufl.tr(H), ratio)
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        """Return the part of the energy density that stays bounded as lambda grows.
-
-        lambda is the first Lame coefficient.
-
-        Args:
-            u: displacement.
-            H: displacement gradient.
-        """
+        """Return the energy density at gradient H that stays bounded as Lame's lambda grows."""
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         """Return the part of the energy density that grows with the first Lame coefficient.
 
-        Args:
-            u: displacement.
-            dilatation: trace of the displacement gradient, or its mean over a cell.
-            ratio: determinant of the deformation gradient, or the ratio of the displaced to the
-                reference volume of a cell.
+        ``dilatation`` is the trace of the displacement gradient or its cell mean, ``ratio`` the
+        determinant of the deformation gradient or the ratio of displaced to reference cell volume.
         """
         raise ValueError(
             f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
@@ -367,23 +341,12 @@ class Material:
         )
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the Cauchy stress for a displacement gradient.
-
-        Args:
-            u: displacement.
-            H: displacement gradient.
-        """
+        """Return the Cauchy stress for the displacement gradient H."""
         H = ufl.variable(H)
         return self._pushed_forward(ufl.diff(self._energy_of(u, H), H), H)
 
     def _pushed_forward(self, P: Any, H: Any) -> Any:
-        """Return the Cauchy stress that corresponds to a first Piola-Kirchhoff stress.
-
-        Args:
-            P: first Piola-Kirchhoff stress, the derivative of the energy density with respect to
-                the displacement gradient.
-            H: displacement gradient.
-        """
+        """Return the Cauchy stress for the first Piola-Kirchhoff stress P at the gradient H."""
         F = _deformation(H)
         return P * F.T / ufl.det(F)
 
@@ -477,8 +440,7 @@ class NeoHookean(Material):
     """Compressible neo-Hookean material.
 
     The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2 with the deformation gradient F,
-    J = det F, and the Lame coefficients lambda and mu at small strain. In 2D (plane strain) F_33 =
-    1.
+    J = det F, and small-strain Lame coefficients lambda and mu. In 2D (plane strain) F_33 = 1.
     """
 
     lmbda: Any
@@ -503,9 +465,8 @@ class CiarletGeymonat(Material):
         W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C,
         b = mu/2 - a,    c = lambda/4 - mu/2 + a,    d = lambda/2 + mu,
 
-    with the right Cauchy-Green tensor C = F^T F of the deformation gradient F, and the Lame
-    coefficients lambda and mu at small strain. The constant is such that W = 0 for F = I. In 2D
-    (plane strain) C_33 = 1.
+    with the right Cauchy-Green tensor C = F^T F of the deformation gradient F. The constant is such
+    that W = 0 for F = I. In 2D (plane strain) C_33 = 1.
 
     Attributes:
         lmbda, mu: Lame coefficients lambda and mu at small strain.
@@ -585,11 +546,7 @@ _ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is
 
 
 def _radius(u: Any) -> Any:
-    """Return the radius, i.e. the first coordinate, as a UFL expression.
-
-    Raises:
-        ValueError: if ``u`` is not a 2D displacement.
-    """
+    """Return the radius x as UFL; raise `ValueError` unless ``u`` is a 2D displacement."""
     _require_displacement(u)
     if len(u) != 2:
         raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")

@@ -61,10 +61,6 @@ def _require_uniform(value: Any, what: str) -> None:
 
     A Function is evaluated at material points of the body, and UFL does not differentiate it with
     respect to the displaced position. The normal would therefore be wrong.
-
-    Args:
-        value: number, UFL expression, or a list of these.
-        what: name of the data in the message.
     """
     if not is_uniform(value):
         raise ValueError(
@@ -87,16 +83,7 @@ def _components(value: Any, what: str, *, zero: bool = True) -> Any:
 
 
 def _vector(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
-    """Return ``value`` as a UFL vector with the dimension of the mesh.
-
-    Numbers become a Constant.
-
-    Args:
-        domain: mesh of the body.
-        value: numbers or UFL vector.
-        what: name of the value in messages.
-        uniform: whether the value must be the same at every point of the body.
-    """
+    """Return ``value`` as a UFL vector of the dimension of the mesh; numbers become a Constant."""
     dim = domain.geometry.dim
     found = _components(value, what)
     if len(found) != dim:
@@ -110,14 +97,7 @@ def _vector(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -
 
 
 def _direction(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
-    """Return ``value``, divided by its norm, as a UFL unit vector.
-
-    Args:
-        domain: mesh of the body.
-        value: numbers or UFL vector.
-        what: name of the value in messages.
-        uniform: whether the value must be the same at every point of the body.
-    """
+    """Return ``value``, divided by its norm, as a UFL unit vector."""
     direction = _vector(domain, value, what, uniform=uniform)
     if direction is not value and isinstance(direction, fem.Constant):
         direction.value /= np.linalg.norm(direction.value)
@@ -305,7 +285,7 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
             taken: values of the components of `at` at the points, shape (m, components of `at`).
 
         Returns:
-            All components of position, gap, derivative of the gap, normal, and derivative of the
+            Components of position, gap, derivative of the gap, normal, and derivative of the
             normal, in this order, one row per point.
         """
         if self._last is None or not np.array_equal(self._last[0], taken):
