@@ -464,8 +464,9 @@ class ContactPair:
     opposing point (the wheel, not the rail).
 
     Faces *match* if every node of the slave has a node of the master opposite to it, at the same
-    position or across a gap along the normal. At the end of a crack slave and master share nodes,
-    which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, with
+    position or across a gap along the normal, and every facet of the slave has one of the master
+    with the opposite corners. At the end of a crack slave and master share nodes, which carry no
+    contact. Faces that do not match are coupled by a `mortar` at nodes, or, with
     ``method="integral"`` or ``"mixed"``, by Gauss points of the common parts of slave and master
     facets. Nodes of the slave without an opposing point carry no contact. Only the part of a slave
     facet that the master covers is integrated; facets covered by less than 5 % are ignored.

@@ -2,7 +2,7 @@
 """Opposing faces in small sliding: facets of another body, and points opposite to slave nodes.
 
 The surface whose facets carry the contact points is the *slave*; the facets opposite to it are the
-*master*. If their nodes match, at the same positions or across a gap, jumps are differences of the
+*master*. If their facets match, at the same positions or across a gap, jumps are differences of the
 displacements of opposing nodes, interpolated to the contact points. Otherwise a `mortar` gives the
 weights of the nodes, and Gauss points lie on the common parts of the faces.
 
@@ -344,7 +344,9 @@ def _matched(faces: _BothFaces) -> Opposite | None:
     aside = np.linalg.norm(tangential(found["x"] - x[mine], n), axis=1)
     unmatched = ~(aside <= _TANGENTIAL * faces.size)
     owned = mine < index_map.size_local
-    if count_of(comm, unmatched & owned) or _facets_differ(faces):
+    there = np.zeros_like(x)
+    there[mine] = found["x"]
+    if count_of(comm, unmatched & owned) or _facets_differ(faces, there):
         return None
     itself = nodes == global_numbers(index_map, mine)
     turned = dot(found["normal"], n) > 0.5
@@ -377,24 +379,35 @@ def _matched(faces: _BothFaces) -> Opposite | None:
     )
 
 
-def _facets_differ(faces: _BothFaces) -> bool:
-    """Return whether any slave facet and the nearest master facet differ in area. Collective.
+def _facets_differ(faces: _BothFaces, there: Array) -> bool:
+    """Return whether any slave facet differs from the master facet opposite to it. Collective.
 
-    If they differ, one mesh is finer, and its additional nodes have no opposing node.
+    If they differ in area, one mesh is finer, and its additional nodes have no opposing node. If
+    their corners are not opposite to each other, the meshes may have the same nodes, but divide
+    squares along different diagonals; each mesh then has other nodal forces for the same traction.
+
+    Args:
+        faces: slave and master.
+        there: positions of the nodes opposite to the local slave nodes, shape (n, dim); if the user
+            has given a normal, in the projection along it.
     """
+    V, comm, normal = faces.V, faces.V.mesh.comm, faces.normal
     sides = []
-    for facets, sense in ((faces.slave, 1.0), (faces.master, -1.0)):
-        side = faces_of(faces.V, facets)
-        x = side.x.mean(axis=1)
+    for facets, sense, x in ((faces.slave, 1.0, there), (faces.master, -1.0, faces.x)):
+        side = faces_of(V, facets)
+        nodes = side.nodes[:, : side.corners]
+        corners = x[V.dofmap.index_map.global_to_local(nodes.reshape(-1))].reshape(side.x.shape)
         area = np.linalg.norm(area_vectors(side.x), axis=1)
-        if faces.normal is not None:
-            seen = sense * (side.normals @ faces.normal) > 0
-            x, area = tangential(x, faces.normal)[seen], area[seen]
-        sides.append({"x": x, "area": area})
+        if normal is not None:
+            seen = sense * (side.normals @ normal) > 0
+            corners, area = tangential(corners, normal)[seen], area[seen]
+        sides.append({"x": corners.mean(axis=1), "corners": corners, "area": area})
     ours, theirs = sides
-    facing = nearest(faces.V.mesh.comm, theirs, ours["x"])
-    off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
-    return bool(count_of(faces.V.mesh.comm, off))
+    facing = nearest(comm, theirs, ours["x"])
+    finer = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
+    between = np.linalg.norm(facing["corners"][:, :, None] - ours["corners"][:, None], axis=3)
+    turned = between.min(axis=2).max(axis=1) > _TANGENTIAL * faces.size
+    return bool(count_of(comm, finer | turned))
 
 
 def _mortar(faces: _BothFaces) -> Opposite:
