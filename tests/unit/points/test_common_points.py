@@ -140,6 +140,7 @@ REACH = (0.0, 1.0)
 
 
 @pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
 @pytest.mark.parametrize("sides", SIDES)
 @pytest.mark.parametrize(
     ("degrees", "method"),
