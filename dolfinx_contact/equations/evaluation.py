@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Mask
-from dolfinx_contact._geometry import dot, transformed
+from dolfinx_contact._geometry import dot, tangential, transformed
 from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws import Answers, FrozenBonds, PointData
 from dolfinx_contact.laws.status import STICK
@@ -48,7 +48,8 @@ __all__ = [
 Statuses = Sequence[Codes]
 
 _NO_SLIP = 1e-9  # r times a slip, relative to the friction bound, that counts as round-off
-_STEPS = 50  # largest number of Newton steps for the friction along driven directions
+_STEPS = 100  # largest number of steps for the friction along driven directions
+_ENLARGEMENTS = 15  # largest number of enlargements of the interval that contains this friction
 _SINGULAR = 1e-9  # derivative of T - e . tau below which a point sticks or is at the border
 _ACCURACY = 64 * np.finfo(np.float64).eps  # of this friction, relative to the friction bound
 
@@ -364,25 +365,65 @@ class SurfaceTerm:
         return np.where(one[:, None], removed, False).astype(float) if one.any() else None
 
     def _driven(self, at: Kinematics, answers: Answers) -> Array | None:
-        """Return the `driven_directions` at points that slip along them, 0 at other points.
+        """Return the `driven_directions` at points where they have friction, 0 at other points.
 
-        None if there are no such points. Not collective.
+        A friction disc has friction along e only if the point slips along e. Under another law,
+        slip in any direction may cause friction along e. None if there are no such points. Not
+        collective.
         """
         e = self.driven_directions
         if e is None:
             return None
-        slip = at.data.r * np.abs(dot(e, at.jump))
-        slips = slip > _NO_SLIP * np.fmax(answers.bound, 0.0)
+        r, bound = at.data.r, answers.bound
+        slips = r * np.abs(dot(e, at.jump)) > _NO_SLIP * np.fmax(bound, 0.0)
+        if np.isnan(bound).any():
+            slip = np.linalg.norm(tangential(at.jump, at.data.n), axis=1)
+            size = np.linalg.norm(answers.traction(answers.required), axis=1)
+            moves = (r * slip > _NO_SLIP * size) | (answers.required != STICK)
+            slips = np.where(np.isnan(bound), moves, slips) & e.any(axis=1)
         return np.where(slips[:, None], e, 0.0) if slips.any() else None
+
+    def _largest_friction(
+        self, at: Kinematics, traction: Array, e: Array, answers: Answers
+    ) -> Array:
+        """Return bounds on the size of the friction T along driven directions e, shape (n,).
+
+        The bound is the radius of the friction disc. A law without a disc has some bounded set of
+        tractions, so that T - e . tau changes its sign between T = 0 and a sufficiently large T of
+        the sign of e . tau. The bound is then such a T, or 0 if none is found. Not collective.
+
+        Args:
+            at: kinematics of the points.
+            traction: traction without T, shape (n, dim).
+            e: driven directions (`driven_directions`), shape (n, dim).
+            answers: answers of the law to ``traction``.
+        """
+        bound = answers.bound
+        unknown = np.isnan(bound) & e.any(axis=1)
+        if not unknown.any():
+            return np.fmax(bound, 0.0)
+        friction = dot(e, answers.traction(answers.required))
+        sign, largest = np.sign(friction), np.abs(friction)
+        for _ in range(_ENLARGEMENTS):
+            codes, answers = self._law(at, traction + (sign * largest)[:, None] * e, None)
+            exceeded = unknown & (sign * dot(e, answers.traction(codes)) > largest)
+            if not exceeded.any():
+                break
+            largest = np.where(exceeded, 10.0 * largest, largest)
+        else:
+            largest = np.where(exceeded, 0.0, largest)
+        return np.where(unknown, largest, np.fmax(bound, 0.0))
 
     def _with_driven_friction(
         self, at: Kinematics, traction: Array, statuses: Codes | None, e: Array, answers: Answers
     ) -> Array:
         """Return the traction with the friction T added along the driven directions e.
 
-        T is the component along e of the required traction. It is computed by Newton's method,
-        which starts at the largest friction and converges monotonically for a friction disc. T is
-        NaN at points where the method does not converge. Not collective.
+        T is the component along e of the required traction, a zero of the function T - e . tau. It
+        is computed by Newton's method, which starts at the largest friction and converges
+        monotonically for a friction disc. For other laws, a step that leaves the interval in which
+        the function changes its sign is replaced by a bisection. T is NaN at points where the
+        method does not converge. Not collective.
 
         Args:
             at: kinematics of the points.
@@ -391,16 +432,28 @@ class SurfaceTerm:
             e: driven directions (`driven_directions`), shape (n, dim).
             answers: answers of the law to ``traction``.
         """
-        bound = np.fmax(answers.bound, 0.0)
-        T = -np.sign(dot(e, at.jump)) * bound
+        bound = self._largest_friction(at, traction, e, answers)
+        codes = answers.required if statuses is None else statuses
+        friction = dot(e, answers.traction(codes))  # at T = 0
+        lower = np.where(friction >= 0, 0.0, -np.inf)
+        upper = np.where(friction <= 0, 0.0, np.inf)
+        disc = ~np.isnan(answers.bound)
+        sign = np.where(disc, -np.sign(dot(e, at.jump)), np.sign(friction))
+        T = sign * bound
         for _ in range(_STEPS):
             codes, answers = self._law(at, traction + T[:, None] * e, statuses)
             off = T - dot(e, answers.traction(codes))
             rest = 1.0 - dot(e, transformed(answers.by_traction(codes), e))
-            left = (rest > _SINGULAR) & (np.abs(off) > _ACCURACY * np.maximum(np.abs(T), bound))
+            lower, upper = np.where(off < 0, T, lower), np.where(off > 0, T, upper)
+            size = _ACCURACY * np.maximum(np.abs(T), bound)
+            between = ~disc & np.isfinite(lower) & np.isfinite(upper) & (upper - lower > size)
+            left = ((rest > _SINGULAR) | between) & (np.abs(off) > size)
             if not left.any():
                 break
-            T = T - np.where(left, off / np.maximum(rest, _SINGULAR), 0.0)
+            new = T - off / np.maximum(rest, _SINGULAR)
+            bisects = between & ((rest <= _SINGULAR) | (new <= lower) | (new >= upper))
+            new[bisects] = (lower[bisects] + upper[bisects]) / 2
+            T = np.where(left, new, T)
         else:
             T = np.where(left, np.nan, T)
         return traction + T[:, None] * e

@@ -10,6 +10,7 @@ from cases._triangle import linear_triangle
 from support.blocks import KINDS, block, box, facets
 from support.bodies import two_blocks
 from support.checks import solved_start
+from support.own_laws import Orthotropic
 from support.pairs import cracked, displacement, held, stacked
 
 import basix.ufl
@@ -589,7 +590,7 @@ def test_reversed_floor_under_a_round_foot_gives_a_warning(log):
         assert ("at (0.5, 0), " in message) == wrong
 
 
-def _held_in_one_direction(**options):
+def _held_in_one_direction(law=None, **options):
     """Nodes on two planes of symmetry, and a floor that moves along one of them."""
     domain = box(COMM, 2, "hex")
     u = displacement(domain)
@@ -605,7 +606,7 @@ def _held_in_one_direction(**options):
     ]
     given = {"x": 0.05, **dict.fromkeys(("y", "z", "rx", "ry", "rz"), 0.0)}
     floor = RigidBody(HalfSpace((0, 0, 0), (0, 0, 1)), about=(0, 0, 0), motion=given)
-    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=law or Coulomb(0.3))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load
     return ContactProblem(energy, u, [surface], bcs=bcs, **options).solve()
 
@@ -626,6 +627,28 @@ def test_friction_is_opposite_to_slip_that_dirichlet_data_impose():
         expected = -0.3 * table.rn[held] * slip[:, 1] / size
         np.testing.assert_allclose(friction[:, 1], expected, rtol=1e-8)
     np.testing.assert_allclose(across, across[0], rtol=1e-8)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("along", "across", "angle"), [(0.3, 0.3, 0.0), (0.2, 0.4, 0.5)])
+def test_orthotropic_friction_of_driven_nodes_dissipates_the_most(along, across, angle):
+    """The law has no friction disc: shear -rn A (A ut)/|A ut|, axes of the grain, for any r."""
+    grain = np.array([np.cos(angle), np.sin(angle), 0.0])
+    other = np.array([-np.sin(angle), np.cos(angle), 0.0])
+    A = along * np.outer(grain, grain) + across * np.outer(other, other)
+    total = []
+    for r in (None, 1e2, 1e4):
+        result = _held_in_one_direction(Orthotropic(along, across, angle), r=r)
+        assert "law" not in result.warnings
+        total.append(result.resultants["contact"][1])
+        table = result.tables["contact"]
+        slip = table.increment @ A
+        expected = -table.rn[:, None] * (slip @ A) / np.linalg.norm(slip, axis=1)[:, None]
+        for held, free in ((0, 1), (1, 0)):  # along the motion of the floor, and across it
+            nodes = (table.x[:, held] < 1e-9) & (table.x[:, free] > 1e-9)
+            friction = table.friction[nodes, free]
+            np.testing.assert_allclose(friction, expected[nodes, free], rtol=1e-8)
+    np.testing.assert_allclose(total, total[0], rtol=1e-8)
 
 
 @pytest.mark.ranks(2)
