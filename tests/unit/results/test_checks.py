@@ -644,8 +644,8 @@ def test_orthotropic_friction_of_driven_nodes_dissipates_the_most(along, across,
         table = result.tables["contact"]
         slip = table.increment @ A
         expected = -table.rn[:, None] * (slip @ A) / np.linalg.norm(slip, axis=1)[:, None]
-        for held, free in ((0, 1), (1, 0)):  # along the motion of the floor, and across it
-            nodes = (table.x[:, held] < 1e-9) & (table.x[:, free] > 1e-9)
+        for fixed, free in ((0, 1), (1, 0)):
+            nodes = (table.x[:, fixed] < 1e-9) & (table.x[:, free] > 1e-9)
             friction = table.friction[nodes, free]
             np.testing.assert_allclose(friction, expected[nodes, free], rtol=1e-8)
     np.testing.assert_allclose(total, total[0], rtol=1e-8)
