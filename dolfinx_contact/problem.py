@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -164,20 +164,24 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
 class _LastWrite:
     """Record of the last write to the Functions: unknowns, statuses, and memory of the law.
 
-    At the limit between two statuses, for example between stick and slip, displacement and
-    multipliers do not determine the status. The stored statuses are therefore reused as long as the
-    unknowns in the Functions are bitwise identical to the stored ones.
+    Displacement and multipliers determine neither the status at the limit between two statuses, for
+    example between stick and slip, nor the memory, for example which bonds are broken. Stored
+    statuses and memory are therefore reused as long as the unknowns in the Functions are bitwise
+    identical to the stored ones.
 
     Attributes:
         unknowns: owned values of all unknowns, in the user's units, shape (n,).
         statuses: statuses of the contact points.
         previous: memory of each surface under which the unknowns were computed; None for the static
             law.
+        memory: memory of each surface for a step beginning there; None if it must be computed from
+            the unknowns, the statuses and ``previous``.
     """
 
     unknowns: Array | None = None
     statuses: Statuses = ()
     previous: Sequence[Memory | None] = ()
+    memory: Sequence[Memory] | None = None
 
 
 class ContactProblem(ReadOnly):
@@ -392,11 +396,13 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the state does not belong to this problem.
 
         Example:
-            One step of a quasi-static history::
+            Steps of a quasi-static history::
 
                 state = problem.snapshot()
-                load.value[0] = 0.1
-                result = problem.step_from(state).solve()
+                for force in (0.1, 0.2, 0.1):
+                    load.value[0] = force
+                    result = problem.step_from(state).solve()
+                    state = problem.snapshot()
         """
         self._require_state(state)
         return self.with_memory([memory.later(step) for memory in state.memory])
@@ -426,20 +432,27 @@ class ContactProblem(ReadOnly):
         """Create a vector of all unknowns: displacement, multipliers, motions of rigid bodies."""
         return self.equations.unknowns.create_vector()
 
-    def read(self, x: PETSc.Vec, statuses: Statuses | None = None) -> None:
+    def read(
+        self,
+        x: PETSc.Vec,
+        statuses: Statuses | None = None,
+        memory: Sequence[Memory] | None = None,
+    ) -> None:
         """Copy unknowns into the Functions and the rigid bodies. Collective.
 
         Args:
             x: vector of all unknowns.
             statuses: statuses of the contact points at ``x``, one array per surface, to be stored;
                 default: statuses are computed from the unknowns when they are needed.
+            memory: memory of each surface for a step beginning at ``x``, stored with the statuses;
+                default: computed when it is needed.
         """
         for f, values in zip(self.fields, self.equations.unknowns.fields(x), strict=True):
             f.x.array[: len(values)] = values
             f.x.scatter_forward()
         self.equations.rigid.show(self.equations.unknowns.motions(x))
         if statuses is not None:
-            self._note(statuses, self.equations.memory)
+            self._note(statuses, self.equations.memory, memory)
 
     def write(self, x: PETSc.Vec) -> None:
         """Copy the values of the Functions and rigid bodies into a vector of all unknowns.
@@ -456,16 +469,23 @@ class ContactProblem(ReadOnly):
         parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
         return np.concatenate([*parts, self.equations.rigid.given])
 
-    def _note(self, statuses: Statuses, previous: Sequence[Memory | None]) -> None:
+    def _note(
+        self,
+        statuses: Statuses,
+        previous: Sequence[Memory | None],
+        memory: Sequence[Memory] | None,
+    ) -> None:
         """Record the present unknowns, and the statuses and memory that belong to them.
 
         Args:
             statuses: statuses of the contact points, one array per surface.
             previous: memory of each surface at the beginning of the step; None for the static law.
+            memory: memory of each surface at the end of the step; None if it is not known.
         """
         self._written.unknowns = self._owned_values()
         self._written.statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
         self._written.previous = previous
+        self._written.memory = memory
 
     def _last_write(self) -> _LastWrite | None:
         """Return the record of the last write to the Functions. Collective.
@@ -506,12 +526,23 @@ class ContactProblem(ReadOnly):
     def snapshot(self) -> State:
         """Return an immutable copy of the state in the Functions and rigid bodies. Collective.
 
-        If the Functions have not changed since the last solve, the state has the statuses of its
-        solution. Otherwise the statuses are computed from displacement and multipliers.
+        If the Functions have not changed since the last solve, step or `restore`, the state has the
+        statuses and the memory of that solution or state. A problem with another law, whose
+        internal variables are not in this memory, has only its statuses. In all other cases,
+        displacement and multipliers determine statuses and memory under the law of this problem;
+        under the static law, slip is then counted from there, and bonds that the displacement does
+        not break are intact.
         """
         self.equations.require_same_mesh()
+        written = self._last_write()
         with self._unknowns() as x:
-            return self.state_at(x, self.written_statuses)
+            if written is None:
+                return self.state_at(x)
+            memory = written.memory
+            if not self.equations.fits(written.previous if memory is None else memory):
+                return self.state_at(x, written.statuses)
+            state = self.with_memory(written.previous).state_at(x, written.statuses)
+        return state if memory is None else replace(state, memory=tuple(memory))
 
     def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """Return the state with the given unknowns. Collective.
@@ -559,7 +590,7 @@ class ContactProblem(ReadOnly):
             f.x.array[:] = values
         for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
             body.values = motion.copy()
-        self._note(state.statuses, state.previous)
+        self._note(state.statuses, state.previous, state.memory)
 
     def _require_state(self, state: State | None) -> None:
         """Raise ``ValueError`` if a state does not fit this problem or the mesh has moved.
@@ -1011,7 +1042,7 @@ class ContactProblem(ReadOnly):
         """
         for attempt in attempts:
             attempt.evaluation = None
-        self.read(x, evaluation.statuses)
+        self.read(x, evaluation.statuses, self.equations.memory_after(evaluation))
         return collect(self.equations, evaluation, attempts, shown)
 
     def log_warnings(

@@ -48,7 +48,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import mesh_mark
-from dolfinx_contact._mpi import any_rank, anywhere, require, total
+from dolfinx_contact._mpi import all_ranks, any_rank, anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
@@ -416,13 +416,21 @@ class ContactEquations:
         Raises:
             ValueError: on every rank, if the memory belongs to other surfaces.
         """
-        fits = len(memory) == len(self.surfaces) and all(
-            m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
-        )
         message = "the memory belongs to other contact surfaces, another law, sliding or mesh"
-        require(self.comm, fits, message)
+        require(self.comm, self.fits(memory), message)
         pairs = zip(self.terms, memory, strict=True)
         return self.with_terms([replace(term, memory=m) for term, m in pairs])
+
+    def fits(self, memory: Sequence[Memory | None]) -> bool:
+        """Return whether a memory matches the surfaces, their laws and their sliding. Collective.
+
+        Args:
+            memory: memory of the points of each surface; None for the static law.
+        """
+        mine = len(memory) == len(self.surfaces) and all(
+            m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
+        )
+        return all_ranks(self.comm, mine)
 
     def with_terms(self, terms: Sequence[SurfaceTerm]) -> ContactEquations:
         """Return the same equations with other terms of the contact surfaces. Not collective."""

@@ -400,8 +400,8 @@ class Runnable(ReadOnly, Generic[T, H]):
             self.problem.comm,
             start is not None or before is not None or not self.problem.evolved,
             "the problem has had another evolution: pass start=history.steps[-1].state to continue "
-            "from the end of that one, or start=problem.snapshot() to start from the Functions as "
-            "they are with virgin memory",
+            "from the end of that one, or start= a state before it, as problem.snapshot() returned "
+            "it, to begin again",
         )
         stepper = self.stepper(listeners.progress)
         try:

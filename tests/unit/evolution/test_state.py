@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 from support.blocks import block, facets
 from support.histories import cycle, dragged, put
+from support.own_laws import SlipWeakening
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
+    BilinearCohesive,
     ContactProblem,
     Coulomb,
+    Frictionless,
     HalfSpace,
+    MaxwellLayer,
     ParametricContact,
 )
 from dolfinx_contact.continuation import find_solutions, follow
@@ -362,6 +366,87 @@ def test_step_supports_branches_and_all_solutions():
     assert COMM.allreduce(float(np.abs(y.array_r - x.array_r).max(initial=0.0)), max) > 1e-5
 
 
+# -- snapshots between the steps of a loop ---------------------------------------------------------
+
+
+#: Law, and the motions of the top after the steps of a loop. The bonds break in the second step,
+#: the layer flows, and the distance slipped grows while the top goes back and forth.
+LOOPS = {
+    "adhesion": (RCCM(200.0, 150.0, 0.004, 0.2), [(0, 0.002), (0, 0.03), (0, 0.01), (0, 0.006)]),
+    "cohesion": (
+        BilinearCohesive(2.0, 0.001, 0.01, 0.3),
+        [(0, 0.002), (0, 0.03), (0, 0.01), (0, 0.006)],
+    ),
+    "layer": (MaxwellLayer(500.0, 200.0, 10.0), [(0, 0.01), (0.01, 0.01), (0.01, 0.01), (0, 0)]),
+    "slip": (
+        SlipWeakening(0.6, 0.2, 0.004),
+        [(0, -0.01), (0.02, -0.01), (-0.02, -0.01), (0.01, -0.01)],
+    ),
+}
+
+
+def remembered(state):
+    """Return memory, statuses and displacement of a state, as arrays by name."""
+    (memory,), (statuses,) = state.memory, state.statuses
+    return {**memory.fields, "jump": memory.jump, "statuses": statuses, "u": state.displacement}
+
+
+def assert_equal(a, b):
+    a, b = remembered(a), remembered(b)
+    assert a.keys() == b.keys()
+    for name, values in a.items():
+        np.testing.assert_array_equal(values, b[name], err_msg=name)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("kind", LOOPS)
+def test_a_snapshot_after_a_step_or_a_restored_state_is_the_state_of_the_step(kind):
+    """Bonds stay broken, layers stay deformed, and the distance slipped is kept."""
+    law, motions = LOOPS[kind]
+    problem, top = dragged(n=2, energy=SOFT, law=lambda _: law)
+    state = virgin = problem.snapshot()
+    states = []
+    for motion in motions:
+        put(top, motion)
+        step = problem.step_from(state, step=1.0)
+        step.solve()
+        state = problem.snapshot()
+        assert_equal(state, step.snapshot())
+        states.append(state)
+    for state in reversed(states):
+        problem.restore(state)
+        put(top, (0.0, 0.0))  # data do not change a state
+        assert_equal(problem.snapshot(), state)
+        assert problem.snapshot().previous[0] is state.previous[0]
+    # unknowns of the user have no history
+    for f in problem.fields:
+        f.x.array[:] = 0.0
+    assert_equal(problem.snapshot(), virgin)
+    problem.restore(states[-1])
+    problem.u.x.array[:] *= 1.0 + 1e-12
+    fresh, _ = dragged(n=2, energy=SOFT, law=lambda _: law)
+    for f, g in zip(fresh.fields, problem.fields, strict=True):
+        f.x.array[:] = g.x.array
+    assert_equal(problem.snapshot(), fresh.snapshot())
+    changed, kept = (remembered(s) for s in (problem.snapshot(), states[-1]))
+    lost = [
+        np.abs(changed[k] - kept[k]).max(initial=0.0) for k in changed if k not in ("jump", "u")
+    ]
+    assert COMM.allreduce(max(lost), op=MPI.MAX) > 1e-3
+
+
+def test_a_state_of_another_law_is_the_start_of_a_loop():
+    """The frictionless history knows of no bonds: they are intact under the displacement."""
+    free, top = dragged(n=2, energy=SOFT, law=lambda _: Frictionless())
+    glued, _ = dragged(n=2, energy=SOFT, law=lambda _: LOOPS["adhesion"][0])
+    put(top, (0.0, -0.01))
+    step = free.step_from(free.snapshot())
+    step.solve()
+    glued.restore(step.snapshot())
+    (memory,) = glued.snapshot().memory
+    np.testing.assert_array_equal(memory.fields["beta"], 1.0)
+
+
 EVOLUTIONS = [QuasiStatic, NSCD]
 
 
@@ -411,7 +496,7 @@ def force(step):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", EVOLUTIONS)
 def test_another_evolution_of_a_problem_needs_a_start(kind):
-    """From the state of the last step it continues; from a snapshot it has virgin memory."""
+    """From the state of the last step it continues; from a state before it begins again."""
     whole = Rubbing(kind)
     expected = force(whole.evolution.run([0.0, 0.5, 1.0, 1.2, 1.4]).steps[-1])
     parts = Rubbing(kind)
@@ -430,7 +515,7 @@ def test_another_evolution_of_a_problem_needs_a_start(kind):
 
 
 def test_a_path_starts_from_the_state_of_a_history():
-    """With the bonds of that state, and with intact ones from a snapshot."""
+    """With the bonds of that state, and with intact ones from zero displacement."""
     glued = Glued()
     state = glued.history().run(np.linspace(0.0, 2.0, 11)).steps[-1].state
     lift = fem.Constant(glued.problem.V.mesh, 0.0)
