@@ -139,6 +139,11 @@ def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
     chosen = np.asarray(facets).reshape(-1)
     if chosen.size > 0 and not np.issubdtype(chosen.dtype, np.integer):
         raise ValueError("facets must be MeshTags or an array of integer indices")
+    if tag is not None:
+        raise ValueError(
+            f"facets are given by their indices or by MeshTags with a tag, not by indices with the "
+            f"tag {tag!r}; omit the tag"
+        )
     index_map = domain.topology.index_map(fdim)
     if not ((chosen >= 0) & (chosen < index_map.size_local + index_map.num_ghosts)).all():
         raise ValueError("facet indices outside the mesh")

@@ -100,6 +100,7 @@ MISUSE = {
     "no tag": (lambda w: discretised(w, tags_of(w.domain)), "need a tag"),
     "half a tag": (lambda w: discretised(w, tags_of(w.domain), tag=7.5), "must be a whole number"),
     "facet -1": (lambda w: discretised(w, np.array([-1])), "facet indices outside the mesh"),
+    "indices with a tag": (lambda w: discretised(w, tag=3), "MeshTags with a tag, not .* tag 3"),
     "facets as words": (lambda w: discretised(w, ["bottom"]), "array of integer indices"),
     "field of another mesh": (
         lambda w: discretised(w, law=Coulomb(w.f_other)),
