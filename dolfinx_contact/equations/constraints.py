@@ -2,9 +2,8 @@
 """Constraints by Dirichlet data: prescribed displacements and removed multipliers.
 
 If Dirichlet data fix the displacement of a contact node, its multiplier is not determined, because
-the reaction acts at the support. Such multiplier components are removed: their rows of the
-Jacobian are rows of the identity times a stiffness. The module also checks nodes that belong to
-several surfaces.
+the reaction acts at the support. Such multiplier components are removed: their rows of the Jacobian
+are scaled rows of the identity. The module also checks nodes that belong to several surfaces.
 """
 
 from __future__ import annotations
@@ -80,8 +79,8 @@ class SurfaceConstraints:
         clamped_points: mask of the contact points at nodes whose multiplier components are all
             removed, shape (n,); False at Gauss points.
         owned: number of owned multiplier nodes.
-        normals: normals at the local vertices, used to determine the removed components, shape
-            (vertices, dim).
+        normals: normals at the local vertices, from which the removed components were determined,
+            shape (vertices, dim).
     """
 
     fixed_nodes: Mask
@@ -167,9 +166,9 @@ class Constraints:
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
 
     def values_of(self, functions: Sequence[fem.Function]) -> Array:
-        """Return the values that some Functions prescribe at the local dofs, 0 at all other dofs.
+        """Return the values prescribed by Functions at the local dofs, 0 elsewhere. Collective.
 
-        A dof of several conditions belongs to the last of them. Collective.
+        At a dof of several conditions, the last condition counts.
 
         Args:
             functions: Functions of Dirichlet conditions.
@@ -211,9 +210,8 @@ class Constraints:
     def reach(self, s: DiscreteSurface, u: Array) -> float:
         """Return the gap up to which open points of a surface are expected to close. Collective.
 
-        This gap is half the largest distance by which Dirichlet data will move a node along the
-        mean contact normal. In a Hertzian contact, it is the initial gap at the edge of the contact
-        zone.
+        It is half the largest distance by which Dirichlet data will move a node along the mean
+        contact normal, the initial gap at the edge of a Hertzian contact zone.
 
         Args:
             s: contact surface; in a pair, either body may approach the other.
@@ -230,8 +228,8 @@ class Constraints:
     def check_values(self, surfaces: Sequence[DiscreteSurface], size: float) -> None:
         """Raise ``ValueError`` for Dirichlet values that are incompatible with contact. Collective.
 
-        Incompatible are values that are not finite, that clamp a node inside an obstacle, or that
-        move a node off its plane of symmetry.
+        These are values that are not finite, clamp a node inside an obstacle, or move a node off
+        its plane of symmetry.
 
         Args:
             surfaces: contact surfaces.
@@ -252,11 +250,6 @@ class Constraints:
 
 def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConstraints:
     """Return the components of a surface that Dirichlet data fix. Collective.
-
-    Args:
-        s: contact surface.
-        fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
-        crossing: mask of the local vertices at which pairs cross.
 
     Raises:
         ValueError: on every rank, if no multiplier node keeps a free component.
@@ -297,15 +290,9 @@ def _fixed_at_nodes(s: DiscreteSurface, fixed: Mask) -> Mask:
 def _objection_to_values(
     s: DiscreteSurface, constraints: SurfaceConstraints, prescribed: Array, size: float
 ) -> str:
-    """Return an error message if Dirichlet values at a surface are not admissible. Collective.
+    """Return an error message if Dirichlet values at a surface are not admissible, else "".
 
-    The message is empty if they are admissible.
-
-    Args:
-        s: contact surface.
-        constraints: fixed components of the surface.
-        prescribed: Dirichlet values at the local nodes, 0 at free dofs, shape (n, dim).
-        size: extent of the body, a length.
+    Collective. ``size`` is the extent of the body, a length.
     """
     trace = s.points.vertex_nodes
     fixed = constraints.fixed_nodes[trace]
@@ -357,13 +344,7 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
 def _require_free_nodes(s: DiscreteSurface, fixed: Mask, multipliers: int) -> None:
     """Raise ``ValueError`` if a surface has more multiplier nodes than free nodes. Collective.
 
-    This occurs, for example, on a face that is one facet wide between clamped edges. The contact
-    pressures would then not be unique.
-
-    Args:
-        s: contact surface.
-        fixed: mask of the fixed components of the jump, shape (local nodes, dim).
-        multipliers: number of multiplier nodes on all ranks with a free component.
+    On such a face, for example one facet wide between clamped edges, pressures are not unique.
     """
     V = s.u.function_space
     on_face = nodes_on(V, s.submesh.parent_facets)
@@ -378,14 +359,9 @@ def _require_free_nodes(s: DiscreteSurface, fixed: Mask, multipliers: int) -> No
 
 
 def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
-    """Return the mask of the removed multiplier components. Collective.
+    """Return the mask of removed multiplier components, shape (local multiplier nodes, dim).
 
-    Args:
-        s: contact surface.
-        fixed: mask of the fixed components of the weighted jump (`SurfaceConstraints.fixed_jumps`).
-
-    Returns:
-        Mask, shape (local multiplier nodes, dim).
+    ``fixed`` marks the fixed components of the weighted jump. Collective.
     """
     if s.displaced is not None and not s.displaced.friction:
         # The normal turns: a partly fixed node may carry a force in any direction.
@@ -427,12 +403,7 @@ def require_no_common_facets(surfaces: Sequence[DiscreteSurface]) -> None:
 
 
 def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) -> None:
-    """Warn if two surfaces share nodes that are not crossings of pairs. Collective.
-
-    Args:
-        surfaces: contact surfaces.
-        crossed: mask of the local nodes at which pairs cross.
-    """
+    """Warn if two surfaces share nodes that are not crossings of pairs. Collective."""
     for a, b in combinations(surfaces, 2):
         shared = ~crossed[np.intersect1d(_nodes(a), _nodes(b))]
         if count_of(a.comm, shared) > 0 and a.comm.rank == 0:
@@ -465,13 +436,9 @@ def _node_normals(s: DiscreteSurface) -> Array:
 
 
 def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
-    """Return the mask of multiplier components that act on fixed components of the jump only.
+    """Return the mask of multiplier components whose jump is fixed on all facets around their node.
 
-    These components of the jump are fixed on all facets around the multiplier node.
-
-    Args:
-        s: contact surface.
-        fixed: mask of the fixed components of the jump, shape (local nodes, dim).
+    ``fixed`` marks the fixed components of the jump, shape (local nodes, dim).
     """
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])

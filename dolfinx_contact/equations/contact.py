@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The contact problem H(x) = 0: equilibrium of the body, and the laws at contact points.
 
-The unknowns x are the displacement u, the multipliers l and the unknowns q of the rigid bodies. H
-has rows for each of them:
+The unknowns x are the displacement u, the multipliers l and the unknowns q of the rigid bodies,
+with the rows
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
     H_q = sum Phi^T B^T W t - L,        the rigid bodies with loads L (`unknowns`).
 
-R is the residual of the body without contact. At the contact points, W contains the areas,
-t = E l the tractions, j the jumps and tau the tractions required by the law. B maps displacements
-to jumps, and Phi maps q to displacements of nodes (`evaluation`). For bodies of revolution, the
-integrals in R and the areas W have the weight 2 pi r.
+R is the residual of the body without contact. The contact points have areas W, tractions t = E l,
+jumps j, and tractions tau required by the law. B maps displacements to jumps, and Phi maps q to
+displacements of nodes (`evaluation`). For bodies of revolution, the integrals in R and the areas W
+have the weight 2 pi r.
 
-The rows are evaluated at x, although u need not satisfy the Dirichlet data g. The derivative of the
-rows along the step from u to g is then added, so that the columns of Dirichlet dofs in the Jacobian
-are empty off the diagonal. Rows of Dirichlet dofs, of removed multipliers and of prescribed
-motions are
+If u does not satisfy the Dirichlet data g, the derivative of the rows along the step from u to g is
+added, so that the columns of Dirichlet dofs in the Jacobian are empty off the diagonal. Rows of
+Dirichlet dofs, of removed multipliers and of prescribed motions are
 
     H = k (x - g)
 
@@ -75,9 +74,7 @@ logger = logging.getLogger(__name__)
 
 
 class ContactEquations:
-    """Residual H(x) of a body with contact surfaces, as a function of PETSc vectors.
-
-    All methods are collective unless they say otherwise.
+    """Residual H(x) of a body with contact surfaces. Methods are collective unless noted otherwise.
 
     Args:
         bulk: discrete body.
@@ -246,15 +243,7 @@ class ContactEquations:
     def _add_rate(
         self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows, *, body: bool
     ) -> None:
-        """Add to rows of H the derivative of the surface terms along a given motion.
-
-        Args:
-            evaluation: evaluation with the tractions and statuses.
-            du: increment of the displacement at all local dofs.
-            dq: increment of the unknowns of the rigid bodies.
-            rows: rows to which the derivative is added.
-            body: whether to add the derivative of the bulk term as well.
-        """
+        """Add to rows the derivative of the surface (and bulk) terms along a motion."""
         if not any_rank(self.comm, du.any() or dq.any()):
             return
         if body:
@@ -267,12 +256,8 @@ class ContactEquations:
     ) -> list[Array]:
         """Return the owned rows of H by field, with Dirichlet rows, from the sums of the terms.
 
-        Args:
-            rows: sums of the terms; the rows of rigid bodies are summed over all ranks.
-            off: displacement minus the Dirichlet values, at the local displacement dofs.
-            off_motions: unknowns of the rigid bodies minus their prescribed values.
-            loads: loads on the rigid bodies.
-            x: unknowns for the rows of removed multipliers; default: 0 in these rows.
+        ``off`` and ``off_motions`` are the differences of displacement and rigid motions from their
+        prescribed values. Rows of removed multipliers are 0 without ``x``.
         """
         k = self.scaling.stiffness
         n = len(rows.body)
@@ -281,12 +266,10 @@ class ContactEquations:
         return [body, *self._law_rows(rows.laws, x), self.rigid.here(rigid)]
 
     def _law_rows(self, laws: Sequence[Array], x: PETSc.Vec | None) -> list[Array]:
-        """Return the rows of H for the multipliers from the residuals of the laws at the points.
+        """Return the rows of H for the multipliers from the residuals t - tau of the laws.
 
-        Args:
-            laws: residuals t - tau (traction minus traction required by the law) at the points of
-                each surface, shape (n, dim).
-            x: unknowns for the rows of removed multipliers; None: 0 in these rows.
+        Residuals have shape (n, dim) for each surface. Rows of removed multipliers are 0 without
+        ``x``.
         """
         owned: Sequence[Array | float] = [0.0] * len(laws)
         if x is not None:
@@ -297,14 +280,7 @@ class ContactEquations:
         ]
 
     def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
-        """Return rows of H reduced by the residual at the start of a gradually applied load.
-
-        The reduction is 1 - s times this residual, where s is the applied fraction of the load.
-
-        Args:
-            rows: rows of H, one array per field.
-            fields: range of these fields among all fields.
-        """
+        """Subtract (1 - s) times the rows at the start of a load with fraction s from rows of H."""
         ramp = self.constraints.ramp
         if ramp is None or not ramp.rows:
             return rows
@@ -313,10 +289,7 @@ class ContactEquations:
 
     @cached_property
     def bare_nodes(self) -> Ints:
-        """Owned boundary nodes off all contact surfaces that are not clamped, shape (n,).
-
-        Collective.
-        """
+        """Owned boundary nodes off all contact surfaces that are not clamped. Collective."""
         V = self.V
         bare = nodes_on(V, mesh.exterior_facet_indices(V.mesh.topology))
         for s in self.surfaces:
@@ -357,8 +330,7 @@ class ContactEquations:
 
         Prescribed values are interpolated between their values at the start x_0 and the full data.
         The residual becomes H(x, s) - (1 - s) H(x_0, 0), which is zero at x = x_0 and s = 0. H(x_0,
-        0) contains the loads on an unloaded body and the penetration of points that start inside an
-        obstacle.
+        0) contains loads on an unloaded body and initial penetrations.
 
         Args:
             x: unknowns x_0 at the start.
@@ -439,13 +411,7 @@ class ContactEquations:
         return equations
 
     def memory_after(self, evaluation: Evaluation) -> tuple[Memory, ...]:
-        """Return the memory of all surfaces after a step that ends in an evaluated state.
-
-        Not collective.
-
-        Args:
-            evaluation: evaluation of the state.
-        """
+        """Return the memory after a step that ends in an evaluated state. Not collective."""
         return tuple(term.memory_after(evaluation) for term in self.terms)
 
 

@@ -78,11 +78,7 @@ def data_of_surface(s: DiscreteSurface) -> list[Datum]:
 
 
 def data_within(expressions: Sequence[Any]) -> list[Datum]:
-    """Return the Functions and Constants in the expressions that prescribe Dirichlet data.
-
-    Args:
-        expressions: UFL expressions of the load parameter gamma.
-    """
+    """Return Functions and Constants in UFL expressions of gamma that prescribe Dirichlet data."""
     return [
         d
         for i, e in enumerate(expressions, 1)
@@ -107,15 +103,8 @@ def _placed(
 ) -> Iterator[Datum]:
     """Yield each Function and each Constant with a description of where it occurs.
 
-    UFL sorts Constants by their creation. Constants of DOLFINx have no name unless the user sets
-    one, so they are numbered in the description.
-
-    Args:
-        place: description of the expression.
-        functions: Functions in the expression.
-        constants: Constants in the expression.
-        e: the expression; a Function or Constant that is the whole expression is described by
-            ``place`` alone.
+    Constants, which have no name by default, are numbered in the order of their creation. If the
+    expression ``e`` is a single Function or Constant, its description is ``place`` alone.
     """
     for f in functions:
         if isinstance(f, Measured):  # computed at the points from data that do not change

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Evaluations of H, and the terms of contact surfaces.
 
-The contact points of a surface have areas W and jumps j(u, q), which depend on the displacement u
-and on the unknowns q of a rigid body. Their tractions are t = E l with the multipliers l, and tau
-is the traction required by the law. B maps displacements to jumps (`points.jump_operators`). A
-surface adds to the rows of H for u and l
+Contact points have areas W, jumps j(u, q) for the displacement u and the unknowns q of a rigid
+body, and tractions t = E l of the multipliers l; tau is the traction required by the law. B maps
+displacements to jumps (`points.jump_operators`). A surface adds
 
     H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)).
 
-If it touches a rigid body, it also adds to the rows for q (`unknowns`)
+If it touches a rigid body (`unknowns`), it also adds
 
     H_q += Phi^T B^T W t,
 
@@ -91,9 +90,8 @@ class SurfaceEvaluation:
     def complete(self, rate: Array) -> Array:
         """Return the derivative of the required traction tau, including the driven friction.
 
-        Where Dirichlet data drive a point along a tangent e, the friction T along e satisfies
-        T = e . tau and is part of the traction t passed to the law. The derivative of tau along a
-        parameter is therefore
+        Where Dirichlet data drive a point along a tangent e, t contains the friction T = e . tau,
+        hence
 
             dtau = rate + p (e . rate) / (1 - e . p),    p = dtau/dt e.
 
@@ -117,9 +115,9 @@ class SurfaceEvaluation:
     def off(self) -> Array:
         """Residual of the contact law at the points, shape (n, dim). Collective.
 
-        It is t - tau, with the traction t and the traction tau required by the law. At a slave node
-        that the master barely covers, the law has a weight c < 1 (`Operator.share`), and the
-        residual is c (t - tau) + (1 - c) (t - mean of t around the node).
+        It is t - tau with the traction t and the required traction tau. At a slave node barely
+        covered by the master, where the law has the weight c (`Operator.share`), it is c (t - tau)
+        + (1 - c) (t - mean of t around the node).
         """
         operator = self.kinematics.operator
         off = self.traction - self.answer
@@ -143,9 +141,8 @@ class SurfaceEvaluation:
     def by_normal(self) -> Array:
         """Derivatives of the required traction with respect to the normal, shape (n, dim, dim).
 
-        The jump turns with the normal. Laws are objective, tau(R j, R t; R n) = R tau for the
-        required traction tau, jump j, traction t, normal n and any rotation R. A change dn of the
-        normal is a rotation by the vector w = n x dn, hence
+        The jump j turns with the normal n. Laws are objective: tau(R j, R t; R n) = R tau for any
+        rotation R. Hence, for the rotation vector w = n x dn of a change dn,
 
             dtau = w x tau - dtau/dt (w x t).
         """
@@ -162,25 +159,23 @@ class SurfaceEvaluation:
 
     @cached_property
     def by_around(self) -> Array:
-        """Derivatives of the traction required by a nonlocal law, shape (n, dim).
+        """Derivatives of the traction required by a nonlocal law with respect to its average.
 
-        They are taken with respect to the average over neighbouring points that the law uses.
+        Shape (n, dim).
         """
         return self.answers.by_around(self.statuses)
 
     @property
     def spread_by(self) -> tuple[Array, Array]:
-        """Derivatives of the quantity that a nonlocal law averages over neighbouring points.
+        """Derivatives of the quantity averaged by a nonlocal law with respect to jump and traction.
 
-        They are taken with respect to the jump and to the traction; two arrays of shape (n, dim).
+        Two arrays of shape (n, dim).
         """
         assert self.answers.spreading is not None
         return self.answers.spreading.by_jump, self.answers.spreading.by_traction
 
     def along(self, step: Array) -> Array:
-        """Return the derivative of the required traction along a change of the jumps.
-
-        Collective.
+        """Return the derivative of the required traction along a change of the jumps. Collective.
 
         Args:
             step: change of the jumps, shape (n, dim).
@@ -192,9 +187,7 @@ class SurfaceEvaluation:
         return rate
 
     def change(self, v: Array) -> Array:
-        """Return minus the derivative of `off` along a displacement, at fixed tractions.
-
-        Collective.
+        """Return minus the derivative of `off` along a displacement at fixed tractions. Collective.
 
         Args:
             v: displacement of the owned nodes, shape (nodes, dim).
@@ -247,14 +240,9 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
 
 
 def _turning(n: Array, v: Array) -> Array:
-    """Return the derivatives of vectors that turn with the normals, shape (points, dim, dim).
+    """Return derivatives of vectors v turning with unit normals n, shape (points, dim, dim).
 
-    If the normal n changes by dn, a vector v that turns with n changes by
-    (n x dn) x v = dn (n.v) - n (dn.v).
-
-    Args:
-        n: unit normals, shape (points, dim).
-        v: vectors, shape (points, dim).
+    A change dn of the normal changes v by (n x dn) x v = dn (n.v) - n (dn.v).
     """
     along = dot(n, v)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
@@ -325,9 +313,9 @@ class SurfaceTerm:
     def _law(
         self, at: Kinematics, traction: Array, statuses: Codes | None
     ) -> tuple[Codes, Answers]:
-        """Return the statuses of the points, and the answers of the law to a traction.
+        """Return the statuses, and the answers of the law to a traction (`evaluate`).
 
-        Collective for nonlocal laws only. The arguments are those of `evaluate`.
+        Collective for nonlocal laws only.
         """
         s = self.surface
         if self.strength is None:
@@ -347,14 +335,13 @@ class SurfaceTerm:
     def driven_directions(self) -> Array | None:
         """Tangents along which Dirichlet data fix the jump, at points that are otherwise free.
 
-        The multiplier along such a tangent e is removed. If the data move the point along e, the
-        point slips, and the law determines the friction T = e . tau, where tau is the required
-        traction. T is part of the traction passed to the law; otherwise the friction perpendicular
-        to e would depend on the augmentation parameter r.
+        The multiplier along such a tangent e is removed. If the data move the point along e, it
+        slips, and the law determines the friction T = e . tau, where tau is the required traction.
+        T is part of the traction passed to the law, since otherwise the friction perpendicular to e
+        would depend on the augmentation parameter r.
 
-        The tangents are unit vectors, 0 at other points, shape (n, dim). The value is None if there
-        are no such points on this rank, for nonlocal laws, and if several multipliers act at a
-        point. Not collective.
+        Unit vectors, 0 at other points, shape (n, dim). None without such points on this rank, for
+        nonlocal laws, and if several multipliers act at a point. Not collective.
         """
         s = self.surface
         local = not s.is_weak and s.law.averaging is None
@@ -478,10 +465,7 @@ class SurfaceTerm:
         return np.asarray(s.points.gaps - dot(jumps, s.points.data.n))
 
     def memory_after(self, evaluation: Evaluation) -> Memory:
-        """Return the memory of the points after a step that ends in an evaluated state.
-
-        Not collective.
-        """
+        """Return the memory after a step ending in an evaluated state. Not collective."""
         s = self.surface
         contact = evaluation.surfaces[self.number]
         fields = {name: contact.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
@@ -498,11 +482,7 @@ class SurfaceTerm:
     # -- motion relative to the obstacle, overridden by `RigidTerm` ----------------------------
 
     def motion(self, q: Array) -> Array | None:
-        """Return the motion of the rigid body that the surface touches; None if there is none.
-
-        Args:
-            q: unknowns of all rigid bodies.
-        """
+        """Return the motion of the rigid body touched by the surface; None if there is none."""
         return None
 
     def relative(self, u: Array, q: Array) -> Array:
@@ -535,7 +515,7 @@ class SurfaceTerm:
         return forces
 
     def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
-        """Add to rows of H the derivative of this term along a motion of bodies.
+        """Add to rows of H the derivative of this term along a motion.
 
         Tractions and statuses are fixed. Rows of rigid bodies are not changed.
 
@@ -553,10 +533,9 @@ class SurfaceTerm:
 
 @dataclass(frozen=True, eq=False)
 class RigidTerm(SurfaceTerm):
-    """Term of H that a surface touching a rigid body contributes.
+    """Term of a surface touching a rigid body. Methods are collective unless noted otherwise.
 
-    It also adds contact force and moment on the rigid body to the rows of the rigid bodies. Methods
-    are collective unless noted otherwise.
+    It also adds the contact force and moment to the rows of the rigid bodies.
 
     Attributes:
         bodies: rigid bodies of the problem.
@@ -596,10 +575,10 @@ class RigidTerm(SurfaceTerm):
         return np.stack(fields, axis=2)
 
     def pushes(self, forces: Array, u: Array, q: Array) -> Array:
-        """Return the contribution of this rank to the contact forces on rigid bodies.
+        """Return the contribution of this rank to contact forces and moments on rigid bodies.
 
-        The result contains the forces and moments in the rows of the rigid bodies. On a curved
-        obstacle in large sliding, moments are taken in the displaced position. Not collective.
+        On a curved obstacle in large sliding, moments are taken in the displaced position. Not
+        collective.
 
         Args:
             forces: contact forces on the owned nodes, shape (dim n,).
@@ -627,9 +606,8 @@ class RigidTerm(SurfaceTerm):
     def add_rate(self, evaluation: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
         """See `SurfaceTerm.add_rate`.
 
-        Jump and normal turn with the frame of the rigid body. Laws are objective, so a rotation w
-        of the frame changes the required traction tau by w x tau - dtau/dt (w x t), with the
-        traction t.
+        Jump and normal turn with the rigid body. Laws are objective, so a rotation w changes the
+        required traction tau by w x tau - dtau/dt (w x t), with the traction t.
         """
         super().add_rate(evaluation, du, dq, rows)
         if not self.surface.partner.turns:

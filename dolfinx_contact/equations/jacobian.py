@@ -4,30 +4,29 @@
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-The blocks belong to the displacements u and the multipliers l. At the contact points, B u are the
-jumps j, E l the tractions t, and W the areas; D_j and D_t are the derivatives of the traction
-tau(j, t) required by the law.
+The blocks belong to displacements u and multipliers l. Contact points have jumps j = B u, tractions
+t = E l and areas W; D_j and D_t are the derivatives of the traction tau(j, t) required by the law.
 
 S has nonzero rows only at contact nodes, multipliers and rigid bodies. Rows and columns of
 Dirichlet dofs are empty in S; rows of removed multipliers have a typical stiffness on the diagonal.
 The pattern of S never changes, so new statuses change only its values. For sliding faces it changes
 with each search for opposing facets (`sliding`).
 
-With a rigid body the jump is B (u - Phi q), where column k of Phi contains the displacements of the
-nodes for the unknown q_k = 1. The Jacobian then has the additional blocks
+With a rigid body, the jump is B (u - Phi q), where Phi maps its unknowns q to nodal displacements,
+and S has the additional blocks
 
     [ .                    (B Phi)^T W E ]
     [ E^T W D_j B Phi      .             ]
 
 in the rows and columns of q and of the multipliers (`_RigidTerms`).
 
-A nonlocal law requires the traction tau(j, t; N q), where N averages a quantity q(j, t) over
-neighbouring points. The contact rows then contain the additional term
+For a nonlocal law tau(j, t; N s), where N averages a quantity s(j, t) over neighbouring points, the
+contact rows contain the additional term
 
-    -E^T W D_s N (q_j B, q_t E),
+    -E^T W D_s N (s_j B, s_t E),
 
-which couples different points (`_SpreadTerms`). D_s is the derivative of tau with respect to N q,
-and q_j and q_t are the derivatives of q. N and the pattern of the product are constant.
+which couples different points (`_SpreadTerms`). D_s is the derivative of tau with respect to N s,
+and s_j and s_t are the derivatives of s. N and the pattern of the product are constant.
 """
 
 from __future__ import annotations
@@ -59,8 +58,8 @@ __all__ = ["ContactTerms", "Jacobian", "JacobianSolver"]
 class JacobianSolver:
     """Linear solver of a contact problem: its Jacobian and preconditioner. Methods are collective.
 
-    The solver counts its owners. The problem is one; while a branch is being traced with the
-    solver, the branch is another one. The solver is freed when its last owner releases it.
+    The problem owns the solver, and so does a branch while being traced. The solver is freed when
+    its last owner releases it.
 
     Attributes:
         matrix: Jacobian, for SNES.
@@ -130,20 +129,13 @@ class _Dofs:
 
     @cached_property
     def weighted(self) -> Array:
-        """Products of point areas and multiplier weights, shape (groups, points, l).
-
-        Here l is the number of multiplier nodes per group.
-        """
+        """Products of areas and weights of the l multiplier nodes, shape (groups, points, l)."""
         stencils = self.operator.stencils
         return self.operator.areas[stencils.points][..., None] * stencils.multiplier_weights
 
 
 def _flat(*blocks: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Return row and column indices of all entries of given blocks as two flat arrays.
-
-    Args:
-        blocks: row and column indices of each block, which are broadcast against each other.
-    """
+    """Return row and column indices of all entries of given blocks as two flat arrays."""
     pairs = [np.broadcast_arrays(*block) for block in blocks]
     rows = np.concatenate([row.reshape(-1) for row, _ in pairs])
     return rows, np.concatenate([column.reshape(-1) for _, column in pairs])
@@ -255,10 +247,7 @@ class _SpreadTerms:
         return self._rows, self._columns
 
     def values(self, contact: SurfaceEvaluation) -> Array:
-        """Return the values of the entries at an evaluation. Collective.
-
-        They are 0 if the evaluation used a local law.
-        """
+        """Return the entries at an evaluation; zeros if it used a local law. Collective."""
         if contact.answers.spreading is None:
             return np.zeros(len(self._rows))
         stencils = self._dofs.operator.stencils
@@ -284,11 +273,7 @@ class _SpreadTerms:
 
 
 class ContactTerms:
-    """Entries on this rank of the contact terms S of the Jacobian.
-
-    Args:
-        equations: contact problem.
-    """
+    """Entries of the contact terms S of the Jacobian on this rank."""
 
     def __init__(self, equations: ContactEquations):
         self._equations = equations
@@ -328,10 +313,7 @@ class ContactTerms:
 
     @property
     def changed(self) -> bool:
-        """Whether the sparsity pattern has changed since `set_up`.
-
-        If so, matrices with this pattern must be created again.
-        """
+        """Whether the sparsity pattern has changed since `set_up`, requiring new matrices."""
         return any([terms.changed for _, terms in self._sliding])
 
     def set_up(self) -> list[Entries]:
@@ -385,32 +367,26 @@ class _Numbering:
         self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return the global indices of the unknowns at given nodes. Collective.
-
-        The indices have shape (..., dim) for nodes of shape (...).
+        """Return the global indices of the unknowns at nodes, shape (..., dim). Collective.
 
         Args:
-            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
-                i.
-            nodes: global nodes of this field.
+            field: 0 for the displacement, i + 1 for the multipliers of surface i.
+            nodes: global nodes of this field, shape (...).
         """
         return self.dof_places(field, self._dim * nodes[..., None] + np.arange(self._dim))
 
     def dof_places(self, field: int, dofs: Ints) -> Ints:
-        """Return the global indices of the unknowns at given dofs. Collective.
+        """Return the global indices of the unknowns at dofs of a field. Collective.
 
         Args:
-            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
-                i.
+            field: 0 for the displacement, i + 1 for the multipliers of surface i.
             dofs: global dofs of this field.
         """
         owned = self._owned[field].astype(np.float64)
         return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
     def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
-        """Return the global indices of the unknowns that belong to columns of the stiffness.
-
-        Collective.
+        """Return the global indices of the unknowns of columns of the stiffness. Collective.
 
         Args:
             columns: columns as global displacement dofs, most of them owned by this rank.
@@ -426,9 +402,7 @@ class _Numbering:
 
 
 class Jacobian:
-    """Assembled Jacobian of the contact problem.
-
-    The stiffness of a linear body is inserted only once.
+    """Assembled Jacobian. The stiffness of a linear body is inserted only once.
 
     Args:
         equations: contact problem.

@@ -91,9 +91,7 @@ class Measures:
 
 
 class Scales(NamedTuple):
-    """Force and length by which residuals are divided.
-
-    They never decrease during a solve or along a branch.
+    """Force and length by which residuals are divided; they never decrease along a branch.
 
     Attributes:
         force: largest nodal force so far.
@@ -105,10 +103,10 @@ class Scales(NamedTuple):
 
 
 def least_scales(equations: ContactEquations, length: float) -> Scales:
-    """Return lower bounds of the force and length scales of a body that hardly moves.
+    """Return lower bounds of the force and length scales.
 
-    Displacements up to 1e-12 of the body size, and the nodal forces that cause them, count as zero.
-    They are the bounds. If the displacements are larger, both bounds are 0.
+    The bounds are 1e-12 of the body size and the nodal forces for such displacements, which count
+    as zero. Both are 0 if the displacements are larger.
 
     Args:
         equations: contact problem.
@@ -123,7 +121,7 @@ def round_off_force(equations: ContactEquations, displacement: float) -> float:
 
     If a body moves without resistance, all forces are round-off errors of stiffness times
     displacement, and no other force scale is available. Stresses of a nonlinear body are
-    differences of terms as large as its moduli, so their round-off is 1e-15 of the moduli even
+    differences of terms as large as its moduli, with a round-off of 1e-15 of the moduli even
     without load.
 
     Args:
@@ -217,7 +215,7 @@ def local_displacement(s: DiscreteSurface, contact: SurfaceEvaluation, stiffness
     Args:
         s: contact surface.
         contact: evaluation of the surface.
-        stiffness: stiffness per area of the nodes at its local vertices, shape (n,).
+        stiffness: stiffness per area at the local vertices, shape (n,).
     """
     if len(stiffness) == 0:
         return 0.0
@@ -233,16 +231,9 @@ def _of_surface(
 ) -> tuple[float, float, float, float]:
     """Return residuals and scales of one surface on this rank. Collective.
 
-    With ``method="nodal"`` or ``"mixed"`` each row belongs to one point, whose status determines
-    the meaning of the row. For a closed point, gap and tangential displacement, times r and the
-    area, are lengths. The traction of an open point and the shear of a slipping point are forces.
-    With ``method="integral"`` every row counts as both.
-
-    Args:
-        s: contact surface.
-        contact: evaluation of the surface.
-        rows: owned rows of H for the multipliers.
-        stiffness: stiffness per area of the nodes at the local vertices, shape (vertices,).
+    With ``method="nodal"`` or ``"mixed"``, gap and tangential displacement of a closed point, times
+    r and the area, are lengths; the traction of an open point and the shear of a slipping point are
+    forces. With ``method="integral"`` every row counts as both.
 
     Returns:
         Largest length and largest force in the rows; largest nodal contact force; and a length
@@ -285,14 +276,9 @@ def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
 
 
 def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message if a body has slid away because nothing balances its loads.
+    """Return a message if a body slides away without equilibrium, else "". Collective.
 
-    Residuals relative to the nodal forces of such large displacements are meaningless. The message
-    is empty if no body slides away. Collective.
-
-    Args:
-        eq: contact problem.
-        x: unknowns.
+    Residuals relative to the nodal forces of such displacements are meaningless.
     """
     parts = eq.unknowns.blocks(x)
     values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
@@ -323,7 +309,7 @@ def fixed_along_normal(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return a message about a touching point fixed along its normal; "" if none is. Collective.
 
     With friction on a curved obstacle, a node fixed in one direction has no multiplier component in
-    that direction, and the direction must remain tangential to the obstacle.
+    it, and the direction must remain tangential to the obstacle.
     """
     parts = zip(eq.constraints.surfaces, eq.surfaces, evaluation.surfaces, strict=True)
     for constraints, s, contact in parts:

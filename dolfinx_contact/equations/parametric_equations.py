@@ -116,10 +116,9 @@ class ParametricEquations(System):
     # -- data ------------------------------------------------------------------------------------
 
     def _given(self) -> list[Any]:
-        """Return the Functions and Constants of the problem that are not set by the continuation.
+        """Return the Functions and Constants of the data, except gamma and the driven Functions.
 
-        These are all data except gamma and the driven Functions, and include the data in the
-        expressions of driven Functions.
+        Data in the expressions of driven Functions are included.
         """
         driven = [
             dirichlet_value(bc)
@@ -224,10 +223,7 @@ class ParametricEquations(System):
 
     @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]
-        """Whether the continuation passes kinks in batches by default.
-
-        True for 3D problems with many contact points.
-        """
+        """Whether kinks are passed in batches by default: in 3D with many contact points."""
         points = sum(s.points.number_everywhere for s in self.equations.surfaces)
         return self.equations.dim == 3 and points > _MANY_POINTS
 
@@ -273,7 +269,7 @@ class ParametricEquations(System):
         Args:
             x: unknowns.
             gamma: parameter.
-            piece: statuses of all contact points; None: statuses determined by the unknowns.
+            piece: statuses of all contact points; None: determined by the unknowns.
         """
         return self._equations_at(gamma).evaluate_contact(x, self.statuses_of(piece))
 
@@ -349,10 +345,7 @@ class ParametricEquations(System):
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
-        """Return the scaled mass matrix of one component of the displacement.
-
-        It is divided by the volume of the body and by the square of the body size.
-        """
+        """Mass matrix of one displacement component, over the volume and the squared body size."""
         V = self.equations.V
         u = ufl.TrialFunction(V)
         v = ufl.TestFunction(V)
@@ -418,27 +411,20 @@ class ParametricEquations(System):
         return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
 
     def piece(self, statuses: Statuses) -> Piece:
-        """Return H with the given, fixed statuses; clamped points are set to open.
-
-        Args:
-            statuses: statuses of the contact points, one array per surface.
-        """
+        """Return H with given, fixed statuses of each surface; clamped points are set to open."""
         codes = np.concatenate(statuses)
         return Piece(np.where(self.clamped, OPEN, codes).astype(np.int8))
 
     @property
     def positions(self) -> Array:
-        """Positions of the owned points of all surfaces, in the order of the statuses of a piece.
-
-        Shape (n, dim).
-        """
+        """Positions of the owned points of all surfaces in the order of a piece, shape (n, dim)."""
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
     @property
     def _ids(self) -> Ints:
-        """Keys that distinguish the contact points, even with equal coordinates, shape (n, k).
+        """Keys distinguishing contact points even with equal coordinates, shape (n, k).
 
-        Each key consists of k integers; the first is the index of the surface.
+        The first of the k integers of a key is the index of the surface.
         """
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]

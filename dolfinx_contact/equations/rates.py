@@ -2,12 +2,12 @@
 """Derivatives of forms, Dirichlet data, obstacles, laws and rigid bodies with respect to gamma.
 
 With the residual R(u) of the body, the Dirichlet values g, and the traction tau required by the
-contact law, dH/dgamma at fixed unknowns is computed from
+law, dH/dgamma at fixed unknowns is computed from
 
     dR/dgamma + (dR/du) dg/dgamma    and    (dtau/dd) . (dd/dgamma),
 
-where d are the data of the law: gap, normal and fields. UFL differentiates all data, and the
-derivatives are evaluated like the data themselves.
+with the data d of the law: gap, normal and fields. UFL differentiates all data; the derivatives are
+evaluated like the data.
 """
 
 from __future__ import annotations
@@ -56,10 +56,7 @@ class Rate:
     gamma: fem.Constant
 
     def of_expression(self, e: Any) -> Any:
-        """Return the expanded derivative of a UFL expression of any shape.
-
-        The derivative is zero if the expression does not contain gamma.
-        """
+        """Return the expanded derivative of a UFL expression of any shape; zero without gamma."""
         e = ufl.as_ufl(e)
         return derivative(e, self.gamma) if depends_on(self.gamma, e) else 0.0 * e
 
@@ -122,7 +119,7 @@ class Driven:
 class SurfaceRates:
     """Derivative of the contact law of a surface with respect to gamma.
 
-    It results from gap and normal of the obstacle and from fields of the law that contain gamma.
+    It results from gap, normal and fields of the law that contain gamma.
 
     Args:
         s: contact surface.
@@ -153,9 +150,6 @@ class SurfaceRates:
         """Return the derivative of the required traction at fixed unknowns, shape (n, dim).
 
         None if the law does not depend on gamma. Collective.
-
-        Args:
-            contact: evaluation of the surface.
         """
         if not self.applies:
             return None
@@ -201,10 +195,10 @@ class RigidRates:
         self.not_affine = next(filter(None, map(rate.not_affine, expressions)), "")
 
     def __call__(self) -> tuple[Array, Array]:
-        """Return the derivatives of the loads and of the prescribed motions.
+        """Return the derivatives of loads and of prescribed motions, one array each.
 
-        Each array has one entry per unknown of the rigid bodies. Loads are in the units of the rows
-        of H, motions in the units of the unknowns.
+        Arrays have one entry per unknown of the rigid bodies, in the units of the rows of H for
+        loads and of the unknowns for motions.
         """
         values = np.array([number(e) for e in self._rates])
         fixed, units = self._bodies.fixed, self._bodies.units

@@ -127,11 +127,7 @@ class Scaling:
             self._augment(self._forced)
 
     def _augment(self, forced: float | None) -> None:
-        """Set the augmentation parameter on all surfaces.
-
-        Args:
-            forced: parameter at all points; None for the automatic parameter.
-        """
+        """Set the augmentation parameter on all surfaces; None: the automatic parameter."""
         for s, r in zip(self._surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
 
@@ -151,10 +147,6 @@ class Scaling:
         therefore decreases with the square root of the softness, to a value between the two
         stiffnesses. At 0.499, full steps then converge that cycled otherwise (measured). Sliding
         faces need an r close to the stiffness of a node.
-
-        Args:
-            K: stiffness.
-            soft: softness of the connected part to which each local node belongs.
 
         Raises:
             ValueError: if the stiffness is zero or not finite.
@@ -191,9 +183,9 @@ class Scaling:
     # -- loose motions ---------------------------------------------------------------------------
 
     def _jumps_at(self, term: SurfaceTerm) -> Array:
-        """Return the jumps at the points caused by each loose motion, shape (motions, n, dim).
+        """Return the jumps at the points for each loose motion, shape (motions, n, dim).
 
-        Loose motions of deformable bodies come first, followed by free components of rigid bodies.
+        Loose motions of deformable bodies precede free components of rigid bodies.
         """
         s = term.surface
         number = len(self.loose)
@@ -205,16 +197,15 @@ class Scaling:
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
     def unrestrained_motions(self, statuses: Statuses, evaluation: Evaluation | None = None) -> str:
-        """Return the names of rigid motions that contact with given statuses does not prevent.
+        """Return the names of rigid motions not prevented by contact with given statuses, or "".
 
-        "" if contact prevents all rigid motions. In 3D a slipping point resists motions
-        perpendicular to its shear, because the shear turns with them. With creeping friction, every
-        closed point resists tangential motions.
+        In 3D a slipping point resists motions perpendicular to its shear, because the shear turns
+        with them. With creeping friction, every closed point resists tangential motions.
 
         Args:
             statuses: statuses of the points.
-            evaluation: evaluation that contains the shear; None if only sticking points are to
-                resist tangential motions.
+            evaluation: evaluation containing the shear; None: only sticking points resist
+                tangential motions.
         """
         count = len(self.loose)
         free = np.flatnonzero(~self._bodies.fixed)
@@ -250,23 +241,13 @@ class Scaling:
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
-    """Return the stiffness of each local node in series with that of its opposing point.
-
-    Args:
-        stiffness: stiffness of the local nodes, shape (nodes,).
-        s: contact surface.
-    """
+    """Return the stiffness of each local node in series with its opposing point, shape (nodes,)."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
 def _direction(traction: Array, n: Array) -> Array:
-    """Return unit vectors along the shear of tractions, 0 without shear, shape (n, dim).
-
-    Args:
-        traction: tractions, shape (n, dim).
-        n: unit normals, shape (n, dim).
-    """
+    """Return unit vectors along the shear of tractions, 0 without shear, shape (n, dim)."""
     shear = tangential(traction, n)
     size = np.linalg.norm(shear, axis=1, keepdims=True)
     least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)

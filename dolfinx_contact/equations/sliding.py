@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact terms of the Jacobian for faces sliding over each other.
 
-The contact terms of H depend on the displacements u, on the multipliers l, and on vectors m(u), the
-sums of area vectors around the slave nodes, from which the normals are computed. With the
-derivative D = dm/du, the contact terms of the Jacobian are
+The contact terms of H depend on the displacements u, the multipliers l, and the sums m(u) of area
+vectors around slave nodes, from which the normals are computed. With D = dm/du, the contact terms
+of the Jacobian are
 
     S = S_u + S_m D,
 
-where S_u is the derivative of H with respect to u and l, and S_m that with respect to m. The
-sparsity pattern covers all candidate pairs of facets and changes only when a search finds new
-candidates (`points.sliding_faces`).
+where S_u is the derivative of H with respect to u and l, and S_m the derivative with respect to m.
+The sparsity pattern covers all candidate pairs of facets and changes only with a search
+(`points.sliding_faces`).
 """
 
 from __future__ import annotations
@@ -52,13 +52,12 @@ class Numbering(Protocol):
     """Interface of a numbering of all unknowns of a problem."""
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return the global indices of the unknowns at given nodes, shape (..., dim). Collective.
+        """Return the global indices of the unknowns at nodes, shape (..., dim). Collective.
 
         Indices of fixed dofs are -1.
 
         Args:
-            field: index of the field: 0 for the displacement, i + 1 for the multipliers of surface
-                i.
+            field: 0 for the displacement, i + 1 for the multipliers of surface i.
             nodes: global nodes of this field, shape (...).
         """
 
@@ -167,12 +166,8 @@ class SlidingTerms:
     def _places(self, facet: Ints, nodes: Ints) -> dict[str, Ints]:
         """Return the indices of rows and columns for pairs of facets, by name of the unknowns.
 
-        They have shape (pairs, nodes, dim), except those named *own multiplier* and *own vector*,
-        which belong to single contact points and have shape (points, 1, dim).
-
-        Args:
-            facet: slave facets of the pairs.
-            nodes: global nodes of the master facet of each pair.
+        Shape (pairs, nodes, dim), or (points, 1, dim) for *own multiplier* and *own vector*, which
+        belong to single contact points.
         """
         master = self._numbering.places(0, nodes)
         return {
@@ -199,12 +194,7 @@ class SlidingTerms:
     ) -> dict[_Names, Array]:
         """Return derivatives of the contact rows that couple each point only with itself.
 
-        They are derivatives with respect to the traction of the point and to the vector that
-        determines its normal.
-
-        Args:
-            contact: evaluation of the surface.
-            operator: operator from displacements to jumps at this evaluation.
+        They are taken with respect to its traction and the vector that determines its normal.
         """
         n, nodal = operator.number, operator.facing.nodal
         areas = self._points.areas
@@ -221,15 +211,10 @@ class SlidingTerms:
     ) -> dict[_Names, Array]:
         """Return the blocks of the Jacobian that couple the nodes of pairs of facets.
 
-        Each block has the shape (p, k, dim, l, dim) for p pairs of facets, with k nodes in the rows
-        and l nodes in the columns. The nodes are the corners of the slave facet for multipliers and
-        vectors, those of the master facet for the master, and those of both facets for the bodies.
-
-        Args:
-            contact: evaluation of the surface.
-            operator: operator from displacements to jumps at this evaluation.
-            first: index of the first common part of each pair of facets; the contributions of all
-                common parts of a pair are summed.
+        Each block has shape (p, k, dim, l, dim) for p pairs of facets, with k nodes in the rows and
+        l nodes in the columns: the corners of the slave facet for multipliers and vectors, of the
+        master facet for the master, and of both facets for the bodies. ``first`` is the index of
+        the first common part of each pair, whose contributions are summed.
         """
         facing, faces = operator.facing, self._faces
         n, nodal = operator.number, facing.nodal
@@ -302,7 +287,7 @@ def _add(A: PETSc.Mat, rows: Ints, columns: Ints, values: Array | None = None) -
 def _pairs_once(rows: Ints, columns: Ints) -> tuple[Ints, Ints]:
     """Return the pairs of nodes in blocks (`_add`), each once, as blocks of one pair.
 
-    Most pairs occur in several blocks. PETSc takes twice as long if each of them is inserted.
+    PETSc takes twice as long if pairs in several blocks are inserted repeatedly.
     """
     # the last place of a node identifies it
     last = columns.max(axis=2)
@@ -313,10 +298,7 @@ def _pairs_once(rows: Ints, columns: Ints) -> tuple[Ints, Ints]:
 
 
 def _first_of_pairs(facing: Facing) -> Ints:
-    """Return the index of the first common part of each pair of facets.
-
-    The common parts of a pair are consecutive.
-    """
+    """Return the index of the first of the consecutive common parts of each pair of facets."""
     pairs = np.stack([facing.facet, facing.master], axis=1)
     other = np.diff(pairs, axis=0, prepend=-1).any(axis=1)
     return np.flatnonzero(other)
@@ -325,10 +307,9 @@ def _first_of_pairs(facing: Facing) -> Ints:
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:
     """Return derivatives of contact rows of the slave corners, shape (p, a, dim, c + a, dim).
 
-    Here p is the number of common parts of slave and master facets, q the number of quadrature
-    points per part, and a the number of corners of a slave facet. The rows are differentiated with
-    respect to c + a vectors: the displacements of the c corners of both facets, then the sums m of
-    area vectors at the slave corners.
+    There are p common parts of slave and master facets, with q quadrature points each, and a
+    corners of a slave facet. Rows are differentiated with respect to the displacements of the c
+    corners of both facets, then the sums of area vectors at the slave corners.
 
     Args:
         facing: common parts of both faces.
@@ -352,8 +333,8 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
     """Return derivatives of the forces on the master at fixed tractions.
 
-    The forces change because the rays from the slave meet the master facet at other points. Shape
-    (p, b, dim, c + a, dim) with b corners of the master facet; for p, q, c and a see `_of_law`.
+    Rays from the slave then meet the master facet at other points. Shape (p, b, dim, c + a, dim)
+    with b corners of the master facet; for p, q, c and a see `_of_law`.
 
     Args:
         facing: common parts of slave and master facets.

@@ -80,16 +80,10 @@ def touching(eq: ContactEquations, evaluation: Evaluation) -> Statuses:
 
 
 def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation) -> list[float]:
-    """Return for each surface the smallest gap of its contact points, over all ranks. Collective.
+    """Return for each surface the smallest gap of its contact points on all ranks. Collective.
 
-    If no vertex of a surface touches, the value is minus infinity. The test uses vertices because
-    they may touch although no Gauss point does. For a rigid body that is free to move, the value is
-    at least the smallest gap of all surfaces that may touch it.
-
-    Args:
-        eq: contact problem.
-        gaps: gaps at the points of each surface.
-        evaluation: evaluation of the start.
+    It is minus infinity if no vertex touches (vertices may touch although no Gauss point does), and
+    on a free rigid body at least the smallest gap of all surfaces that may touch this body.
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
@@ -112,8 +106,7 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], evaluation: Evaluation
 def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
     """Return for each surface the gap up to which points are expected to close. Collective.
 
-    For a rigid body with a prescribed motion, half the distance by which the body approaches the
-    points is added.
+    Half the distance by which a rigid body with a prescribed motion approaches is added.
     """
     reaches = []
     step = np.where(eq.rigid.fixed, eq.constraints.motions() - evaluation.q, 0.0)
@@ -126,13 +119,7 @@ def _reaches(eq: ContactEquations, evaluation: Evaluation) -> list[float]:
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
-    """Return statuses in which a point sticks if its gap is at most the limit of its surface.
-
-    Args:
-        eq: contact problem.
-        gaps: gaps at the points of each surface.
-        limits: largest gap of a sticking point, one per surface.
-    """
+    """Return statuses in which a point sticks if its gap is at most the limit of its surface."""
     statuses = []
     for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
         codes = s.law_at_points.codes
@@ -145,12 +132,6 @@ def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq
     """Return the decrease of the gaps of a surface due to a motion of rigid bodies, shape (n,).
 
     Collective.
-
-    Args:
-        eq: contact problem.
-        term: term of the surface.
-        evaluation: evaluation of the state.
-        dq: increment of the unknowns of the rigid bodies.
     """
     still = np.zeros(eq.owned_sizes[0])
     step = term.relative_rate(evaluation.u, evaluation.q, still, dq)
@@ -158,15 +139,13 @@ def _closing(eq: ContactEquations, term: SurfaceTerm, evaluation: Evaluation, dq
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
-    """Translate rigid bodies without contact in the directions of their loads until they touch.
-
-    Collective.
+    """Translate rigid bodies without contact along their loads until they touch. Collective.
 
     Bodies without a load in a free direction, or without contact points ahead of them, do not move.
 
     Args:
         eq: contact problem.
-        x: unknowns, in which the motions of the rigid bodies are updated.
+        x: unknowns, whose rigid motions are updated.
     """
     if not eq.rigid.size:
         return

@@ -76,10 +76,7 @@ class Unknowns:
         return [values[part] for part in self._slices]
 
     def fields(self, x: PETSc.Vec) -> list[Array]:
-        """Return the owned displacements and multipliers in a vector of unknowns.
-
-        They are in the user's units; one array per field.
-        """
+        """Return owned displacements and multipliers in the user's units, one array per field."""
         return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)][:-1]
 
     def displacement(self, x: PETSc.Vec) -> Array:
@@ -91,10 +88,7 @@ class Unknowns:
         return f.x.array.copy()
 
     def motions(self, x: PETSc.Vec) -> Array:
-        """Return the unknowns of the rigid bodies in a vector of unknowns, on every rank.
-
-        Collective.
-        """
+        """Return the unknowns of the rigid bodies on every rank. Collective."""
         return self._rigid.everywhere(x.array_r[self._slices[-1]])
 
     def write(self, fields: Sequence[Array], q: Array, x: PETSc.Vec) -> None:
@@ -152,10 +146,7 @@ class RigidBodies:
         self.read_data()
 
     def _reach(self, body: RigidBody) -> float:
-        """Return the largest distance of contact points from the reference point of their body.
-
-        Collective.
-        """
+        """Return the largest distance of a contact point from the reference point. Collective."""
         touching = [s.positions for s in self.surfaces if s.rigid_body is body]
         return maximum(self.comm, np.linalg.norm(np.concatenate(touching) - body.about, axis=1))
 
@@ -172,46 +163,27 @@ class RigidBodies:
             b.values = (q / self.units)[part].copy()
 
     def everywhere(self, mine: Array) -> Array:
-        """Broadcast the unknowns of the rigid bodies from rank 0, their owner. Collective.
-
-        Args:
-            mine: owned unknowns of this rank: all on rank 0, none on other ranks.
-        """
+        """Broadcast the unknowns of the rigid bodies from their owner, rank 0. Collective."""
         if not self.size:
             return np.zeros(0)
         return np.asarray(self.comm.bcast(np.array(mine) if self.owned else None))
 
     def here(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return the entries that this rank owns: all on rank 0, none on other ranks.
-
-        Args:
-            values: values of all unknowns of the rigid bodies.
-        """
+        """Return the entries owned by this rank: all on rank 0, none on other ranks."""
         return values[: self.owned]
 
     def of_body(self, q: Array, body: RigidBody) -> Array:
-        """Return displacement and rotation of one body.
-
-        Args:
-            q: unknowns of all rigid bodies.
-            body: rigid body.
-        """
+        """Return displacement and rotation of one body from the unknowns of all rigid bodies."""
         return np.asarray((q / self.units)[self.slices[body]])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
-        """Return force and moment on one body.
-
-        Args:
-            rows: forces and moments on all rigid bodies in the units of the rows of H.
-            body: rigid body.
-        """
+        """Return force and moment on one body from the rows of all rigid bodies."""
         return np.asarray((rows * self.units)[self.slices[body]])
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
         """Return the generalised forces conjugate to the unknowns of the rigid bodies.
 
-        For bodies with large rotations, moments are transformed to the components that do work on
-        changes of the rotation vector.
+        For large rotations, moments are transformed to components conjugate to the rotation vector.
 
         Args:
             q: unknowns of the rigid bodies.
@@ -233,7 +205,7 @@ class RigidBodies:
         self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
 
     def names(self, motions: Array) -> str:
-        """Return the names of the motion components that are nonzero in any of k motions.
+        """Return the names of motion components that are nonzero in any of k motions.
 
         Args:
             motions: motions of all rigid bodies, shape (k, size).

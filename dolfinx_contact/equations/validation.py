@@ -75,12 +75,9 @@ _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 def check(
     bulk: Any, u: fem.Function, surfaces: Any, bcs: Any
 ) -> tuple[list[Contact], list[fem.DirichletBC]]:
-    """Check the arguments of a problem and return its surfaces and Dirichlet conditions.
+    """Check the arguments of a problem; return its surfaces and Dirichlet conditions as lists.
 
     Not collective.
-
-    Returns:
-        Surfaces and Dirichlet conditions, as lists.
 
     Raises:
         ValueError: if the arguments do not fit together.
@@ -129,9 +126,7 @@ def check(
 
 
 def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
-    """Raise ``ValueError`` if the data are not admissible; otherwise update the scales.
-
-    Collective.
+    """Raise ``ValueError`` for inadmissible data; otherwise update the scales. Collective.
 
     Args:
         eq: contact problem.
@@ -263,14 +258,9 @@ def check_times(eq: ContactEquations) -> None:
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return an error message if a law lacks data; otherwise "". Not collective.
+    """Return an error message if a law lacks data (`Law.lacks`), else "". Not collective.
 
-    The required data are listed by `Law.lacks`; a law that depends on time
-    (`CompiledLaw.needs_time`) also requires the duration of the step.
-
-    Args:
-        s: contact surface.
-        memory: memory of its points at the beginning of the step; None under the static law.
+    A law that depends on time (`CompiledLaw.needs_time`) also requires the duration of the step.
     """
     history = memory is not None and memory.step > 0
     lack = s.law.lacks(history=history)
@@ -318,8 +308,7 @@ def check_turn(s: DiscreteSurface, before: Array | None) -> None:
 def check_sides(eq: ContactEquations) -> None:
     """Warn about obstacles on the wrong side of the body or in other length units. Collective.
 
-    A problem with such an obstacle has a solution, but not the intended one. The test uses the
-    undeformed body.
+    Such a problem has a solution, but not the intended one. The undeformed body is tested.
     """
     for s in eq.surfaces:
         if not s.between_bodies:
@@ -329,10 +318,10 @@ def check_sides(eq: ContactEquations) -> None:
 
 
 def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message if an obstacle is on the wrong side of the body; otherwise "".
+    """Return a message about an obstacle on the wrong side of the body, else "". Collective.
 
-    If it is, then at the contact point nearest to the obstacle the contact normal is opposite to
-    the outward normal of the face and points into the body. Collective.
+    On the wrong side, the contact normal at the nearest contact point is opposite to the outward
+    normal of the face and points into the body.
     """
     gaps = np.abs(s.points.gaps)
     nearest = minimum(s.comm, gaps, np.inf)
@@ -360,10 +349,7 @@ def _wrong_side(eq: ContactEquations, s: DiscreteSurface) -> str:
 
 
 def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
-    """Return a message if body and rigid surface seem to be in different length units.
-
-    Their sizes then differ by orders of magnitude. The message is empty otherwise.
-    """
+    """Return a message if body and rigid surface differ in size by orders of magnitude, else ""."""
     shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return ""
@@ -405,19 +391,13 @@ def _warn_of_friction(eq: ContactEquations) -> None:
 
 
 def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
-    """Return a description of the first datum that is not finite on some rank. Collective.
-
-    "" if all data are finite.
-    """
+    """Describe the first datum that is not finite on some rank, else return "". Collective."""
     bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
     return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 
 
 def _not_finite_law(eq: ContactEquations, evaluation: Evaluation) -> str:
-    """Return a description of the first law with a residual that is not finite. Collective.
-
-    "" if all residuals are finite.
-    """
+    """Describe the first law whose residual is not finite, else return "". Collective."""
     bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in evaluation.rows[1:-1]))
     for s, wrong in zip(eq.surfaces, bad, strict=True):
         if wrong:
