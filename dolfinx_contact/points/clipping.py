@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Common parts of the facets of two faces, divided into simplices with quadrature points.
 
-The common part of a slave facet and a master facet is computed in the plane of the slave facet (in
-2D, on its line) after a projection along its normal. It is divided in a way that does not depend on
-the numbering of the facets, so that the quadrature points are the same on any number of ranks.
+They are computed in the plane of the slave facet (in 2D, on its line), projecting the master facet
+along its normal. Their division does not depend on the numbering of the facets, so that quadrature
+points are the same on any number of ranks.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class QuadratureRule:
 
 @dataclass(frozen=True)
 class Cover:
-    """Parts of slave facets that master facets cover, divided into pieces that are simplices.
+    """Parts of slave facets covered by master facets, divided into simplices (pieces).
 
     Coordinates in the plane of a slave facet refer to its centre and unit vectors in the plane.
 
@@ -97,10 +97,10 @@ class Cover:
         facet: index of the slave facet of each piece, shape (pieces,).
         other: index of the master facet of each piece, shape (pieces,).
         pieces: corners of each piece in the plane of its slave facet, shape (pieces, dim, dim - 1).
-        slave_x: k corners of the slave facet of each piece in the plane of this facet, shape
+        slave_x: k corners of the slave facet of each piece in its plane, shape
             (pieces, k, dim - 1).
-        master_x: corners of the master facet of each piece, projected onto the plane of the slave
-            facet, shape (pieces, k, dim - 1).
+        master_x: corners of the master facet of each piece, projected onto this plane, shape
+            (pieces, k, dim - 1).
     """
 
     slave: Faces
@@ -117,9 +117,7 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, NodeWeights]:
-        """Return the points on the master that are opposite to corners of slave facets.
-
-        A corner occurs once for each piece that contains it.
+        """Return points on the master opposite to slave corners, once per piece and corner.
 
         Returns:
             Global slave nodes at the corners, shape (n,); and the k corners of the opposing master
@@ -134,9 +132,9 @@ class Cover:
         return self.slave.nodes[self.facet[piece], corner], NodeWeights(nodes, basis(at, k, 1))
 
     def rule(self, degree: int) -> QuadratureRule:
-        """Return a quadrature rule on the pieces.
+        """Return a quadrature rule that is exact for products of basis functions of both facets.
 
-        On simplices and parallelograms it is exact for products of basis functions of both facets.
+        On quadrilaterals, it is exact only if they are parallelograms.
 
         Args:
             degree: polynomial degree of the products; on quadrilaterals, degree in each direction.
@@ -212,12 +210,11 @@ def linear_basis(x: Array, corners: int) -> LinearBasis:
 def tangents(corners: Array, slopes: Array) -> Array:
     """Return derivatives of positions on facets with respect to the reference coordinates.
 
+    Shape (n, q, dim, dim - 1).
+
     Args:
         corners: corners of facets, shape (n, k, dim).
         slopes: derivatives of the linear basis at q reference points, shape (n, q, k, dim - 1).
-
-    Returns:
-        Derivatives, shape (n, q, dim, dim - 1).
     """
     return corners.transpose(0, 2, 1)[:, None] @ slopes
 
@@ -242,11 +239,10 @@ def cover(
     least: float = _LEAST_COVER,
     steep: float = _STEEP,
 ) -> Cover:
-    """Return the parts of slave facets that master facets cover. Not collective.
+    """Return the parts of slave facets covered by master facets. Not collective.
 
     Where several layers of master facets lie above a slave facet, only the nearest parts are used,
-    until their total area is the area of the slave facet. Slave facets that are barely covered are
-    omitted.
+    up to the area of the slave facet. Slave facets that are barely covered are omitted.
 
     Args:
         slave: slave facets of this rank.
@@ -255,8 +251,7 @@ def cover(
         deepest: largest depth at which a master facet may lie behind a slave facet; a length, or
             one length per slave facet.
         farthest: largest distance at which a master facet may lie in front of a slave facet.
-        least: smallest fraction of the area of a slave facet that must be covered; other slave
-            facets are omitted.
+        least: covered fraction of its area below which a slave facet is omitted.
         steep: cosine of the largest angle between the slave normal and the reversed master normal
             of opposing facets.
     """
@@ -302,17 +297,10 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
-    """Return the indices of the nearest pieces of each slave facet.
+    """Return the indices of the nearest pieces of each slave facet, up to the area of the facet.
 
-    Their total area is limited to the area of the slave facet. A slight excess, as between adjacent
-    master bodies whose meshes do not quite fit, does not indicate several layers of master facets;
-    then all pieces are returned.
-
-    Args:
-        facet: slave facet of each piece, shape (pieces,).
-        gap: mean gap of each piece, shape (pieces,).
-        area: area of each piece, shape (pieces,).
-        size: area of each slave facet, shape (n,).
+    A slight excess, as between adjacent master bodies whose meshes do not quite fit, does not
+    indicate several layers of master facets; then all pieces are returned.
     """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
@@ -328,11 +316,6 @@ def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
 def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
     """Return the common part of each pair of segments on a line.
 
-    Args:
-        slave: ends of the slave segments, shape (pairs, 2, 1).
-        master: ends of the projected master segments, shape (pairs, 2, 1).
-        size: lengths of the slave segments, shape (pairs,).
-
     Returns:
         Index of the pair of each part, and ends of the part, shape (parts, 2, 1).
     """
@@ -344,11 +327,6 @@ def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
 
 def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
     """Return the common part of each pair of polygons, divided into triangles around its centre.
-
-    Args:
-        slave: corners of the slave polygons, shape (pairs, k, 2).
-        master: corners of the projected master polygons, shape (pairs, k, 2).
-        size: areas of the slave polygons, shape (pairs,).
 
     Returns:
         Index of the pair of each triangle, and its corners, shape (triangles, 3, 2).
@@ -420,17 +398,10 @@ def _cut(polygon: Array, start: Array, end: Array) -> Array:
 
 
 def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
-    """Return polygons without their unmarked corners.
+    """Return polygons without unmarked corners, and their numbers of distinct corners.
 
     The order of the corners is preserved. The last corner is repeated, so that all polygons have
     equally many corners.
-
-    Args:
-        corners: corners, shape (n, m, 2).
-        kept: mask of the corners to be kept, shape (n, m).
-
-    Returns:
-        Corners, and number of distinct corners of each polygon.
     """
     count = kept.sum(axis=1)
     place = np.minimum(np.arange(count.max(initial=3)), np.maximum(count - 1, 0)[:, None])

@@ -6,11 +6,10 @@
 - ``"integral"``: the points are Gauss points of facets, or of the common parts of two faces that do
   not match; P1 or P2 displacement. The conditions hold weakly (`FacetPoints`).
 - ``"mixed"``: the points are the vertices, and the multiplier is continuous and linear on every
-  facet; P1 or P2 displacement. The conditions hold at every vertex for weighted means of gap and
-  slip, whose weight is the hat function of the vertex (Hild, Int. J. Appl. Math. Comput. Sci. 12,
-  2002, section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). The operator B from displacements
-  to jumps is the inverse of the lumped mass matrix times the integrals of hat functions times
-  displacements (`AveragedPoints`).
+  facet; P1 or P2 displacement. The conditions hold at every vertex for means of gap and slip
+  weighted with its hat function (Hild, Int. J. Appl. Math. Comput. Sci. 12, 2002, section 2; Hild
+  and Laborde, Appl. Numer. Math. 41, 2002). Jumps are the inverse of the lumped mass matrix times
+  the integrals of hat functions times displacements (`AveragedPoints`).
 """
 
 from __future__ import annotations
@@ -221,12 +220,7 @@ class ContactPoints(ABC):
 
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return gap, normal and fields at the local vertices. Collective.
-
-        Args:
-            values: gap, normal and fields at the local points, which are returned if the points are
-                the vertices.
-        """
+        """Return gap, normal and fields at the local vertices from point values. Collective."""
 
     @abstractmethod
     def _give(self, given: Mask, idle: Mask) -> Mask:
@@ -246,11 +240,11 @@ class ContactPoints(ABC):
         return np.unique(self._gauss.cells)
 
     def evaluators(self, given: Given, offset: Any) -> Evaluators:
-        """Return evaluators of the data at the points, and of averages with ``method="mixed"``.
+        """Return evaluators of data at the points, and of their averages with ``method="mixed"``.
 
         Args:
             given: gap, normal and fields of the law in UFL, or their rates.
-            offset: product of gap and normal in UFL, or its rate, which the mixed method averages.
+            offset: product of gap and normal in UFL, or its rate.
         """
         expressions = {"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points}
         return Evaluators(self.evaluator(expressions))
@@ -283,8 +277,7 @@ class ContactPoints(ABC):
     def choices(self) -> list[float]:
         """Largest overlap removed by `remove_overlap`, as a list; empty if none was removed.
 
-        It is rounded to 6 digits. Records of results compare it to detect a different
-        discretisation. Collective.
+        Rounded to 6 digits. Records compare it to detect a different discretisation. Collective.
         """
         if self.removed_overlap is None:
             return []
@@ -334,9 +327,7 @@ class ContactPoints(ABC):
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
-        """Return averages around the points of the product of gap and normal.
-
-        None if the method takes no averages. Collective.
+        """Return averages of gap times normal around the points; None without averages. Collective.
 
         Args:
             average: evaluator of the product, or of its rate, in the mixed method; None in the
@@ -350,7 +341,7 @@ class ContactPoints(ABC):
         """Return outward unit normals of the displaced face at the points, shape (n, dim).
 
         They are interpolated from the vertices, where they have the direction of the sum of the
-        area vectors of the surrounding facets. Collective.
+        area vectors around. Collective.
 
         Args:
             u: displacement of the local nodes, shape (nodes, dim).
@@ -361,7 +352,7 @@ class ContactPoints(ABC):
         return unit(np.stack([self.from_vertices(v) for v in at_vertices.T], axis=1))
 
     def set_augmentation(self, r: Array) -> None:
-        """Set the augmentation parameter of the law.
+        """Set the augmentation parameter r of the law.
 
         Args:
             r: parameter at the local vertices, a stiffness per area, shape (vertices,).
@@ -375,10 +366,7 @@ class ContactPoints(ABC):
         return self.geometry.mean(self.r)
 
     def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
-        """Return Gauss points of the face, or of the common parts of two faces that do not match.
-
-        Collective.
-        """
+        """Return Gauss points of facets, on common parts if faces do not match. Collective."""
         given = self._V, self.submesh, self.vertices, rule_degree, self._maps, self._weight
         if opposite is None or opposite.common is None:
             return GaussPoints(*given)
@@ -423,9 +411,7 @@ class ContactPoints(ABC):
         return product(self.E, multipliers.reshape(-1)).reshape(-1, self.dim)
 
     def rows(self, values: Array) -> Array:
-        """Return the integrals of the multiplier basis times values at the points. Collective.
-
-        The result contains one entry per owned multiplier dof.
+        """Return integrals of the multiplier basis times values, one per owned dof. Collective.
 
         Args:
             values: values at the points, shape (n, dim).
@@ -434,7 +420,7 @@ class ContactPoints(ABC):
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
-        """Add the basis functions of given vertices to those of surrounding vertices. Collective.
+        """Add basis functions of given vertices to surrounding vertices. Collective.
 
         Call it only once; see `shared_functions`.
 
@@ -449,20 +435,14 @@ class ContactPoints(ABC):
         return self._give(given, idle) if any_rank(self.comm, given) else given
 
     def _set_operators(self, opposite: Opposite | None) -> None:
-        """Set the operators from displacements to jumps and from multipliers to tractions.
+        """Set the operators from displacements to jumps and multipliers to tractions.
 
         Collective.
-
-        Args:
-            opposite: opposing points of the nodes; None without another body.
         """
         self._connect(self._jumps(opposite))
 
     def _connect(self, stencils: Stencils) -> None:
-        """Set both operators (`operator`, `E`) from weights of the nodes at the points.
-
-        Collective.
-        """
+        """Set `operator` and `E` from weights of the nodes at the points. Collective."""
         self._weights = stencils
         B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)
         self.operator = ConstantOperator(stencils, self.areas, B)
@@ -471,7 +451,7 @@ class ContactPoints(ABC):
             self.E = stencils.traction_matrix(self.comm, nodes, self.dim)
 
     def _reconnect(self, stencils: Stencils) -> None:
-        """Replace both operators (`operator`, `E`) by those with other weights. Collective."""
+        """Replace `operator` and `E` by operators with other weights. Collective."""
         assert isinstance(self.operator, ConstantOperator)
         destroy(self.operator.B, self.E)
         self._connect(stencils)
@@ -509,11 +489,7 @@ class NodePoints(ContactPoints):
         return here if opposite is None else here.minus(self._each_alone(opposite.at(nodes)))
 
     def _each_alone(self, rows: NodeWeights) -> Stencils:
-        """Return stencils with one group per point; each point is a multiplier node.
-
-        Args:
-            rows: nodes and weights of the jump at each point.
-        """
+        """Return stencils with one group per point; each point is a multiplier node."""
         n = self.number
         mine = np.arange(n, dtype=np.int64)[:, None]
         return Stencils(
@@ -590,9 +566,9 @@ class AveragedPoints(NodePoints):
 
 
 class FacetPoints(ContactPoints):
-    """Contact points with ``method="integral"``: Gauss points of the facets.
+    """Contact points with ``method="integral"``: Gauss points of facets.
 
-    If two faces do not match, they are Gauss points of the common parts of their facets.
+    If two faces do not match, they lie on the common parts of their facets.
     """
 
     method: ClassVar[ContactMethod] = "integral"

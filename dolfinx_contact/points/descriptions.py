@@ -86,7 +86,7 @@ def displacement_degree(u: Any) -> int:
     """Return the degree of a displacement.
 
     Raises:
-        ValueError: if the argument is not a supported vector Lagrange Function.
+        ValueError: if it is not a vector Lagrange Function of degree 1 or 2.
     """
     domain = instance(u, "the displacement", fem.Function).function_space.mesh
     if len(u.function_space.component()):
@@ -127,8 +127,8 @@ def _check_common(a: Arguments) -> int:
 def _check_elements(a: Arguments, degree: int) -> None:
     """Set the default method and quadrature degree of a description.
 
-    The quadrature must integrate products of multiplier and displacement exactly on flat facets;
-    otherwise stability is lost. In bodies of revolution the weight 2 pi r requires one more degree.
+    The quadrature must integrate multiplier times displacement exactly on flat facets, otherwise
+    stability is lost. In bodies of revolution the weight 2 pi r requires one more degree.
 
     Raises:
         ValueError: if the method does not support the degrees of displacement and multiplier.
@@ -173,10 +173,10 @@ class Overlap:
 
     @classmethod
     def of(cls, contact: Any) -> Overlap:
-        """Return the treatment of overlaps requested by a `ContactSurface` or pair.
+        """Return the treatment of overlaps requested by a description.
 
         Raises:
-            ValueError: if its arguments ``interference`` and ``remove_overlap`` are invalid.
+            ValueError: if ``interference`` or ``remove_overlap`` is invalid.
         """
         name, given, removed = contact.name, contact.interference, contact.remove_overlap
         if given is None:  # a rigid obstacle pushes out, and a removed overlap is not
@@ -194,11 +194,7 @@ class Overlap:
         return cls(positive(removed, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
-        """Return whether a gap is an overlap larger than allowed.
-
-        Args:
-            gap: smallest gap, negative for an overlap.
-        """
+        """Return whether the smallest gap is negative by more than the allowed overlap."""
         return not gap >= -self.most * (1.0 + _ROUND_OFF)
 
     def require(self, comm: MPI.Comm, gaps: Array, allowed: float, name: str, unless: str) -> None:
@@ -207,7 +203,7 @@ class Overlap:
         Args:
             comm: communicator.
             gaps: gaps on this rank, lengths.
-            allowed: overlap that is allowed in any case, because the mesh is not exact; a length.
+            allowed: overlap allowed in any case for inaccuracies of the mesh, a length.
             name: name of the surface.
             unless: further remedies, for the message.
         """
@@ -266,10 +262,7 @@ def _check_pair(a: Arguments) -> None:
 
 
 def _check_sliding(a: Arguments, degree: int, what: str) -> None:
-    """Raise ``ValueError`` for arguments that large sliding does not support.
-
-    These are the elements, the law and the search distance.
-    """
+    """Raise ``ValueError`` for elements, laws or search distances that large sliding excludes."""
     cells = a.u.function_space.mesh.ufl_domain().ufl_coordinate_element()
     if (degree, getattr(a, "multiplier_degree", 1), cells.degree) != (1, 1, 1):
         raise ValueError(
@@ -292,11 +285,7 @@ def _unit(value: Any, dim: int, name: str) -> Array:
 
 
 def _planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
-    """Return the positions of planes of symmetry by axis. Not collective.
-
-    Raises:
-        ValueError: if the argument is not a dictionary of axes and positions.
-    """
+    """Return positions of planes of symmetry by axis, or raise ``ValueError``. Not collective."""
     if symmetry is None:
         return {}
     instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
@@ -325,7 +314,7 @@ def _check_self(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Return texts that describe the arguments, by which ranks check that they have equal ones."""
+    """Return texts by which ranks check that they have equal arguments."""
     domain = a.u.function_space.mesh
     fields = [f"{k} {described(e, domain)}" for k, e in a.law.given.items()]
     return {
@@ -359,13 +348,7 @@ def _described(contact: Contact) -> str:
 def _declared(
     what: str, check: Callable[[Arguments], Any], local: Collection[str]
 ) -> Callable[[type[T]], type[T]]:
-    """Return a decorator for descriptions that validates their arguments collectively.
-
-    Args:
-        what: name of the description, for messages.
-        check: function that validates the arguments.
-        local: names of arguments that may differ between ranks.
-    """
+    """Return a class decorator that validates the arguments collectively; see `collective`."""
 
     def decorate(cls: type[T]) -> type[T]:
         validated = collective(what, check, compare=_compared, local=local)
@@ -472,11 +455,10 @@ class ContactPair:
     facet that the master covers is integrated; facets covered by less than 5 % are ignored.
 
     Pairs may meet, for example at crossing cracks or joints between blocks. Where the jumps around
-    such a crossing are linearly dependent (`points.shared_functions`), the nodes of the crossing
-    have no multiplier (status d). The neighbouring nodes on each arm of the crossing carry their
-    share of the traction, so that uniform tractions are transmitted. Each arm needs two facets
-    between a crossing and its end or the next crossing, multipliers of degree 1, and matching
-    faces.
+    such a crossing are linearly dependent (`points.shared_functions`), its nodes have no multiplier
+    (status d). Their neighbours on each arm carry their share, so that uniform tractions are
+    transmitted. Each arm needs two facets between a crossing and its end or the next crossing,
+    multipliers of degree 1, and matching faces.
 
     **Small sliding** (default): a point keeps its opposing point along the reference normal. A
     solve measures the resulting error and warns if it is not small.
@@ -495,7 +477,7 @@ class ContactPair:
     Large sliding is limited to degree 1 and straight cells, and supports no given gap, surface or
     normal, no laws with bonds, no nonlocal or Tresca friction, and no friction for bodies of
     revolution. Velocities of motions (`NSCD`), reduced problems, proofs and classical algorithms
-    do not support it, because they require jumps that are linear in the displacement.
+    require jumps that are linear in the displacement and do not support it.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -568,10 +550,9 @@ class SelfContact:
     along ``direction`` in the mesh is the slave, so that each contact is counted once. Choose the
     direction such that parts that will touch are apart along it: for a ring that is pressed flat
     from above, the default makes its upper half the slave. A facet does not oppose itself, facets
-    that share a node with it, facets that face the same way, and facets on the far side of the same
-    body part, behind it. Where the body is thinner than ``search_distance``, an overlap must be
-    less than half the thickness T of the body, or less than (d + T)/2 at facets that start at a
-    depth d inside the body.
+    that share a node with it, facets that face the same way, and facets behind it through the body.
+    Where the body is thinner than ``search_distance``, an overlap must be less than half the
+    thickness T of the body, or less than (d + T)/2 at facets starting at a depth d inside it.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.

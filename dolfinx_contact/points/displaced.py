@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Curved obstacles in large displacement: gap, normal and slip at the displaced contact points.
 
-A contact point at the reference position X with the displacement d relative to the obstacle is at x
-= X + d. There the obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact
-Mechanics, 2006, section 4.1). With the slip s since the last accepted state, the law receives a
-zero gap and the jump
+A contact point X with the displacement d relative to the obstacle is at x = X + d. There the
+obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact Mechanics, 2006,
+section 4.1). With the slip s since the last accepted state, the law receives a zero gap and the
+jump
 
     j = -g n + s.
 
-Let x_o be the position of the contact point at the last accepted state, or X without memory. The
-slip is measured along the surface of the obstacle from the point y_o opposite to x_o to the point y
-opposite to x,
+Let x_o be x at the last accepted state, or X without memory. The slip follows the surface of the
+obstacle from the point y_o opposite to x_o to the point y opposite to x,
 
     y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o).
 
@@ -18,11 +17,11 @@ It rotates with the normal, but not about it: where a face spins about the norma
 chord of the step, and the angle is the indicator `spin`. Points that remain at the same material
 point of the obstacle do not slip. For a law without friction, the slip is (I - n n^T) d.
 
-Let o and n be the normals at y_o and y, and theta the angle between them. An arc of constant
-curvature from y_o to y is longer than its chord c by the factor (theta/2) / sin(theta/2). Its
-tangents at both ends make the angle theta/2 with the chord, in the plane of both normals;
-components of c perpendicular to this plane are not rotated. The slip along the surface, rotated
-into the tangent plane at y by the smallest rotation from o to n, is therefore
+Let theta be the angle between the normals o at y_o and n at y. An arc of constant curvature from
+y_o to y is longer than its chord c by the factor (theta/2) / sin(theta/2). Its tangents make the
+angle theta/2 with c, in the plane of both normals; components of c perpendicular to this plane are
+not rotated. The slip along the surface, rotated into the tangent plane at y by the smallest
+rotation from o to n, is therefore
 
     s = P c - (A c.(n - o) + D c.(n + o)) P o,    c = y - y_o,    P = I - n n^T,
     A = (a - C)/(4 C q),    D = 1/(4 C^2),    q = sin^2(theta/2),    C = cos(theta/2),
@@ -36,9 +35,9 @@ X_0, of any angle,
 
     x = X_0 + Q^T (X + u - X_0 - d_0),
 
-where u is the displacement of the contact point, so that points sticking to a rotating body do not
-slip; jumps and normals are rotated by Q for the law. If an obstacle is moved through its Constants,
-both y and y_o are computed for its current position, so that its tangential motion causes no slip.
+with the displacement u of the contact point, so that points sticking to a rotating body do not
+slip; jumps and normals are rotated by Q for the law. If an obstacle is moved by its Constants, y
+and y_o are computed for its current position, and its tangential motion causes no slip.
 
 Derivatives of gap, normal and slip with respect to x are exact.
 
@@ -92,10 +91,9 @@ _SERIES = (2 / 3, 1 / 5, 3 / 28, 5 / 72, 35 / 704)
 def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
     """Return whether gap and normal of an obstacle are evaluated at displaced points.
 
-    They are evaluated at reference points for planes, whose gap is exact there, and for faces of
-    pairs. By default they are also evaluated at reference points for linear bodies, for rigid
-    bodies that may rotate (rotations are then assumed to be small), and for obstacles that are
-    defined only in the reference configuration.
+    They are evaluated at reference points for planes, whose gap is exact there, and faces of pairs,
+    and by default for linear bodies, rigid bodies that may rotate (rotations are then small), and
+    obstacles defined only in the reference configuration.
 
     Args:
         obstacle: obstacle of the surface.
@@ -209,10 +207,7 @@ class DisplacedPoints:
         self._no_gap = _ROUND_OFF * maximum(points.comm, np.abs(points.positions))
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
-        """Return the shape of the obstacle, continued beyond its rim if it has one.
-
-        The gap beyond the rim depends on the removed overlap.
-        """
+        """Return the obstacle; its continuation beyond a rim depends on the removed overlap."""
         return self._whole.ended(lambda: (self._points.geometry.facet_widths, _removed(removed)))
 
     def starts(self, most: float) -> tuple[Array, Array]:
@@ -254,12 +249,7 @@ class DisplacedPoints:
         return gap if taken is None else gap + taken.x.array[: len(x)]
 
     def _place(self, place: Array, before: Array | None) -> None:
-        """Set the displacements of the points.
-
-        Args:
-            place: current displacements, shape (n, dim).
-            before: displacements at the last accepted state, shape (n, dim); None for zero.
-        """
+        """Set the displacements of the points now and at the last accepted state, (n, dim) each."""
         there = np.zeros_like(place) if before is None else before
         for f, values in ((self._moved, place), (self._moved_before, there)):
             f.x.array[:] = self._points.exchange.from_owners(values).reshape(-1)
@@ -306,16 +296,13 @@ class DisplacedPoints:
     def rates(
         self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array]:
-        """Return rates of the data of the law, and of the jumps at fixed displacements.
+        """Return rates of the data of the law, and of the jumps (n, dim) at fixed displacements.
 
         Args:
             evaluate: evaluator of rates, including ``seen``, the rate of the jump.
             place: displacements of the points, shape (n, dim).
             memory: memory at the last accepted state.
             frame: rotation of the frame, shape (dim, dim); None for the identity.
-
-        Returns:
-            Rates of the data, and rates of the jumps, shape (n, dim).
         """
         self._place(place, None if memory is None else memory.place)
         values = self._points.own(evaluate)
@@ -362,9 +349,9 @@ def _removed(overlap: fem.Function | None) -> Any:
 
 
 class TrueGaps:
-    """Function that returns the distances of displaced contact points from the obstacle.
+    """Function that returns distances of displaced contact points from the obstacle.
 
-    It is compiled when it is first called.
+    Compiled when first called.
 
     Args:
         u: displacement of the body.
@@ -407,14 +394,9 @@ class TrueGaps:
 
 
 def _slip_along(way: Any, before: Any, normal: Any) -> Any:
-    """Return the slip along the surface of an obstacle in UFL (module docstring).
+    """Return the slip along an obstacle, a UFL vector perpendicular to the current ``normal``.
 
-    It is a vector perpendicular to the current normal.
-
-    Args:
-        way: chord from the earlier to the current opposing point.
-        before: unit normal at the earlier opposing point.
-        normal: unit normal at the current opposing point.
+    ``way`` is the chord c of the module docstring, ``before`` the earlier normal.
     """
     turned = normal - before
     both = normal + before

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evaluators of data in UFL at the contact points of a surface.
+"""Evaluators of UFL data at the contact points of a surface.
 
-`PointEvaluator` evaluates expressions by integrals over the facets. For points that belong to no
-quadrature rule, `ScatteredEvaluator` replaces coordinates, Functions and Constants in the
-expressions by their values.
+`PointEvaluator` integrates over facets. At points outside any quadrature rule, `ScatteredEvaluator`
+replaces coordinates, Functions and Constants by their values.
 """
 
 from __future__ import annotations
@@ -83,9 +82,9 @@ class PointEvaluator:
     """Evaluator of UFL expressions at the points of a space on a facet submesh.
 
     The value at a point is the integral of the expression times the basis function of the point,
-    divided by the integral of the basis function. It is exact at Gauss points, and at nodes where
-    the expression is continuous; at other nodes it is the area-weighted mean over the adjacent
-    facets. All expressions are compiled once in a single form.
+    divided by the integral of the basis function. It is exact at Gauss points and at nodes where
+    the expression is continuous, otherwise an area-weighted mean over adjacent facets. All
+    expressions are compiled once in one form.
 
     Args:
         W: scalar space with one dof per point: Lagrange of degree 1 or a quadrature element.
@@ -136,10 +135,7 @@ class PointEvaluator:
         return b.array.reshape(-1, self._width)
 
     def __call__(self) -> dict[str, Array]:
-        """Return one array of values per expression at the local points, ghosts included.
-
-        Collective.
-        """
+        """Return one array per expression at the local points, ghosts included. Collective."""
         if self._measured:
             places = self._places_of()
             for i, (m, f) in enumerate(self._measured):
@@ -150,14 +146,7 @@ class PointEvaluator:
 def measure_of(
     domain: mesh.Mesh, facets: Indices, degree: int, rule: str = "default"
 ) -> ufl.Measure:
-    """Return the measure of those given facets that are exterior and owned. Collective.
-
-    Args:
-        domain: mesh.
-        facets: local facets.
-        degree: quadrature degree.
-        rule: quadrature rule.
-    """
+    """Return the measure of the owned exterior facets among given local facets. Collective."""
     entities = facet_integration_entities(domain, owned_exterior(domain, facets))
     ds = ufl.Measure("ds", domain, subdomain_data=[(1, entities)])
     return ds(1, metadata={"quadrature_rule": rule, "quadrature_degree": degree})
@@ -184,12 +173,7 @@ def _linear(cell: basix.CellType, dtype: np.dtype[Any]) -> Any:
 
 
 def point_space(domain: mesh.Mesh, degree: int | None) -> fem.FunctionSpace:
-    """Return a scalar space with one dof per vertex or per Gauss point.
-
-    Args:
-        domain: facet mesh.
-        degree: quadrature degree of the Gauss points; None for vertices.
-    """
+    """Return a scalar space with one dof per vertex (degree None) or per Gauss point."""
     if degree is None:
         return fem.functionspace(domain, _linear(domain.basix_cell(), domain.geometry.x.dtype))
     cell = domain.basix_cell()
@@ -275,10 +259,7 @@ class GapsAndNormals(NamedTuple):
 
 
 def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> GapsAndNormals:
-    """Return gap and normal of an obstacle at the local nodes of a scalar P1 space.
-
-    Collective.
-    """
+    """Return gap and normal of an obstacle at the local nodes of a P1 space. Collective."""
     gap, normal = surface.on(W.mesh)
     both = ufl.as_vector([gap, *(normal[i] for i in range(W.mesh.geometry.dim))])
     f = fem.Function(blocked_space(W, len(both)))
@@ -352,12 +333,7 @@ class ScatteredEvaluator:
 
 
 def _check(name: str, e: Any) -> None:
-    """Raise ``ValueError`` if an expression at a point requires more than values at this point.
-
-    Args:
-        name: name of the expression, for the message.
-        e: UFL expression.
-    """
+    """Raise ``ValueError`` if an expression needs more than values at its own point."""
     where = f"the {name} of faces that do not match"
     for part in unique_pre_traversal(e):
         if isinstance(part, Derivative):

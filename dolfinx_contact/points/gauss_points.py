@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gauss points of facets, or of the common parts of the facets of two faces.
 
-If two faces do not match, Gauss points of whole slave facets fail the patch test: with a few points
-per facet, the forces on the master are wrong by several percent. The points are therefore Gauss
-points of the common parts of a slave facet and a master facet, on which the basis functions of both
-are smooth.
+If two faces do not match, the points are Gauss points of the common parts of slave and master
+facets, on which the basis functions of both are smooth. Gauss points of whole slave facets fail the
+patch test: with a few points per facet, forces on the master are wrong by several percent.
 """
 
 from __future__ import annotations
@@ -82,10 +81,7 @@ class GaussPoints:
         self._sums = SharedValues(vertices.dofmap.index_map)
 
     def _place(self, degree: int) -> None:
-        """Choose the points: set `space`, `numbers`, `cells` and the reference coordinates.
-
-        Collective.
-        """
+        """Set `space`, `numbers`, `cells` and reference coordinates of the points. Collective."""
         domain = self._submesh.mesh
         self.space = point_space(domain, degree)
         self._rule = measure_of(self._V.mesh, self._submesh.parent_facets, degree)
@@ -101,10 +97,7 @@ class GaussPoints:
         return int(self.numbers.size)
 
     def _table(self, W: fem.FunctionSpace) -> Array:
-        """Return values of the k basis functions of a Lagrange space at the points.
-
-        The shape is (groups, p, k) with p points per group.
-        """
+        """Return the k basis functions of a Lagrange space at the points, shape (groups, p, k)."""
         element = W.ufl_element()
         scalar = element.sub_elements[0] if element.block_size > 1 else element
         # groups of whole facets are alike
@@ -149,20 +142,11 @@ class GaussPoints:
         return here if opposite is None else here.minus(self._opposing(Q, here, opposite))
 
     def _opposing(self, Q: fem.FunctionSpace, here: Stencils, opposite: Opposite) -> Stencils:
-        """Return the weights of master nodes in displacements opposite to the points.
-
-        Collective.
-        """
+        """Return weights of master nodes in displacements opposite to the points. Collective."""
         return self._stencils(Q, opposite.at)
 
     def _stencils(self, Q: fem.FunctionSpace, trace: Callable[[Indices], NodeWeights]) -> Stencils:
-        """Return the weights of nodes in a displacement at the points. Collective.
-
-        Args:
-            Q: space of the multiplier.
-            trace: function that maps local slave nodes to the nodes and weights of their
-                displacement.
-        """
+        """Return the weights of nodes in a displacement at the points. Collective."""
         degree = self._V.ufl_element().degree
         U = self._vertices
         if degree > 1:

@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Operator B at a state, which maps displacements to jumps at contact points.
 
-Its transpose maps tractions t to forces that do the same work: for every displacement v,
-B^T W t . v = sum W t . (B v) with the areas W of the points. B is constant if each point keeps its
-opposing point. If points slide to other facets, the jumps in the laws also change because the
-opposing points and normals change, and the forces of fixed tractions depend on the displacement.
+Forces do the work of the tractions t, B^T W t . v = sum W t . (B v) for every displacement v, with
+the areas W of the points. B is constant if each point keeps its opposing point. If points slide to
+other facets, jumps also change with the opposing points and normals, and the forces of fixed
+tractions depend on the displacement.
 
 With a constant B, jumps and tractions are weighted sums of nodal vectors (`Stencils`),
 
     j = B u,    t = E l,    B = b (x) I,    E = e (x) I,
 
-with the displacement u, the multipliers l, the scalar weights b and e of the nodes, and the
-Kronecker product (x). Points form groups that share their nodes: the points of a facet, or single
-points.
+with displacements u, multipliers l, scalar weights b and e of the nodes, and the Kronecker product
+(x). Points form groups sharing their nodes: the points of a facet, or single points.
 
 Code that requires a constant B (matrices that are set up once, condensation onto the contact
-points, proofs) obtains it from `DiscreteSurface.constant_operator`, which raises an error if B is
-not constant.
+points, proofs) obtains it from `DiscreteSurface.constant_operator`, which refuses any other.
 """
 
 from __future__ import annotations
@@ -112,12 +110,10 @@ class Operator(ABC):
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
-        """Return the derivative along a displacement of the nodal forces of fixed tractions.
-
-        The result is a flat array of the owned displacement dofs.
+        """Return the derivative of `transpose` (nodal forces) along a displacement.
 
         Args:
-            tractions: tractions at the points, shape (n, dim).
+            tractions: fixed tractions at the points, shape (n, dim).
             v: displacement of the owned nodes, shape (nodes, dim).
         """
 
@@ -166,9 +162,7 @@ class ConstantOperator(Operator):
 
 @dataclass(frozen=True)
 class Stencils:
-    """Weights of nodes in the jumps and tractions at the points of this rank, group by group.
-
-    The points of a group depend on the same nodes.
+    """Weights of nodes in jumps and tractions, by groups of points with the same nodes.
 
     Attributes:
         points: local numbers of the p points of each group, shape (groups, p).
@@ -188,11 +182,7 @@ class Stencils:
     identity: bool
 
     def minus(self, other: Stencils) -> Stencils:
-        """Return the stencils of the difference of two displacements at the same points.
-
-        Args:
-            other: stencils of the displacement that is subtracted.
-        """
+        """Return the stencils of this displacement minus another one at the same points."""
         return replace(
             self,
             nodes=np.concatenate([self.nodes, other.nodes], axis=1),
@@ -222,10 +212,7 @@ class Stencils:
     def _matrix(
         self, comm: MPI.Comm, nodes: Ints, weights: Array, owned_nodes: int, dim: int
     ) -> PETSc.Mat:
-        """Return a matrix of weights that acts on each vector component. Collective.
-
-        It maps vectors at nodes to vectors at the points.
-        """
+        """Return a matrix of weights that acts on each component of nodal vectors. Collective."""
         n = int(self.points.size)
         along = np.arange(dim)
         rows = (comm.exscan(dim * n) or 0) + dim * self.points[:, :, None, None] + along
@@ -255,10 +242,7 @@ def own_nodes(V: fem.FunctionSpace, nodes: Indices) -> NodeWeights:
 
 
 def scaled_rows(A: PETSc.Mat) -> Array:
-    """Divide each row of a matrix by its sum, if positive, and return the sums.
-
-    Collective.
-    """
+    """Divide each row of a matrix by its sum, if positive; return the sums. Collective."""
     by = A.getRowSum()
     sums: Array = by.array.copy()
     by.array[:] = 1 / np.where(sums > 0, sums, 1.0)
@@ -298,22 +282,12 @@ def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> Node
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
-    """Return the product of a matrix with an array of several columns. Collective.
-
-    Args:
-        A: matrix.
-        values: owned entries of k vectors, shape (n, k).
-    """
+    """Return the product of a matrix with owned entries of k vectors, shape (n, k). Collective."""
     return np.stack([product(A, column) for column in values.T], axis=1)
 
 
 def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
-    """Return the product of the transpose of a matrix with a vector. Collective.
-
-    Args:
-        A: matrix.
-        values: owned entries of the vector, an array of any shape.
-    """
+    """Return the product of a transposed matrix with owned entries, of any shape. Collective."""
     x, y = A.createVecs()
     y.array[:] = values.reshape(-1)
     A.multTranspose(y, x)

@@ -6,8 +6,8 @@ With the jump j passed to the law, the normal n and the initial gap g_0,
     gap = g_0 - j.n,    slip = j - (j.n) n.
 
 On a curved obstacle j and n may depend on the positions x of the displaced points
-(`points.displaced`). A displacement of the nodes changes x by dx (`points.jump_operators`), j by
-dj = (dj/dx) dx (dx where normals do not turn), and n by dn = (dn/dx) dx. The gap then changes by
+(`points.displaced`). A displacement changes x by dx (`points.jump_operators`), j by dj = (dj/dx) dx
+(dx where normals do not turn), n by dn = (dn/dx) dx, and the gap by
 
     d gap = -(dj.n + j.dn).
 
@@ -39,8 +39,8 @@ class Kinematics:
     Attributes:
         operator: operator B at the state, from displacements to jumps.
         jump: jump passed to the law, shape (n, dim).
-        reference: slip until the last accepted state, which has been subtracted from the total jump
-            to obtain `jump`, shape (n, dim); 0 under the static law.
+        reference: slip until the last accepted state, already subtracted from `jump`, shape
+            (n, dim); 0 under the static law.
         data: data of the law, with normals and gaps at the state.
         place: displacement of the points in the frame of a curved obstacle in large sliding, shape
             (n, dim); None otherwise.
@@ -110,10 +110,10 @@ class Kinematics:
 
 
 def rotation(o: Array, n: Array) -> Array:
-    """Return the smallest rotations from unit vectors o to unit vectors n.
+    """Return the smallest rotations from unit vectors o to unit vectors n, shape (..., dim, dim).
 
-    They are matrices that act on vectors perpendicular to o, shape (..., dim, dim). If n = -o,
-    there is no unique smallest rotation, and such vectors are returned unchanged.
+    They act on vectors perpendicular to o. If n = -o, the smallest rotation is not unique, and such
+    vectors remain unchanged.
 
     Args:
         o: unit vectors, shape (..., dim).

@@ -6,11 +6,11 @@ begins at an accepted state with the jump j_0, the law is evaluated at
 
     j - (I - n n^T) j_0,
 
-where j is the current jump and n the current normal. The normal part is thus the total jump, and
-the tangential part is the slip increment of the step (implicit Euler in the slip velocity;
-rate-independent friction needs no time). Jumps are motions relative to the obstacle: the motion of
-a rigid body has been subtracted. On a curved obstacle in large sliding, the increment is measured
-along its surface (`displaced`), and the memory contains j_0 in the frame of the obstacle.
+with the current jump j and normal n: the normal part is total, and the tangential part is the slip
+increment of the step (implicit Euler in the slip velocity; rate-independent friction needs no
+time). Jumps are relative to the obstacle: the motion of a rigid body has been subtracted. On a
+curved obstacle in large sliding, the increment is measured along its surface (`displaced`), and the
+memory contains j_0 in the frame of the obstacle.
 
 A memory is frozen: solves read it and never change it. An accepted step creates a new memory; a
 rejected step keeps the old one. The memory also contains internal variables of the law, such as the

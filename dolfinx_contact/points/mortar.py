@@ -2,11 +2,11 @@
 """Mortar weights between faces of different meshes, with the biorthogonal basis.
 
 Let N contain the linear basis functions N_p of the corners p of a slave facet, and let N_k be the
-basis functions of the nodes k of the opposing master facets. All integrals (int) over the covered
-part of the slave facet are computed with the same quadrature: the mass matrix M = int N N^T, the
-areas d = int N, and the coupling int psi_p N_k with the dual basis psi = diag(d) M^-1 N, for which
-int psi_p N_q = d_p delta_pq. With the sum W_p of the areas d_p over the facets around p, and the
-displacements u_p and u_k of the nodes, the jump of a slave node p at a corner is
+master basis functions. All integrals (int) over the covered part of the facet use the same
+quadrature: the mass matrix M = int N N^T, the areas d = int N, and the coupling int psi_p N_k with
+the dual basis psi = diag(d) M^-1 N, for which int psi_p N_q = d_p delta_pq. With the sum W_p of the
+areas d_p over the facets around p, and the displacements u_p and u_k of the nodes, the jump of a
+slave node p at a corner is
 
     j_p = u_p - 1/W_p sum_k (int psi_p N_k) u_k,
 
@@ -35,13 +35,12 @@ __all__ = ["Coupling", "between", "coupling"]
 
 @dataclass(frozen=True)
 class Coupling:
-    """Mortar integrals over pieces of slave facets (`coupling`).
+    """Mortar integrals over pieces of slave facets.
 
     Attributes:
         slave: global nodes at the k corners of the slave facet of each piece, shape (pieces, k, 1).
         master: b global nodes of the master facet of each piece, shape (pieces, 1, b).
-        values: integrals of dual slave functions times master basis functions, shape
-            (pieces, k, b).
+        values: integrals of dual slave basis times master basis, shape (pieces, k, b).
         areas: integrals of the linear basis functions of the k corners over the covered part of
             each slave facet, shape (n, k).
     """
@@ -80,10 +79,7 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
-    """Return mortar weights at all nodes of facets of degree 2. Collective.
-
-    The row of a node is the mean of the rows of the corners, weighted with their linear basis
-    functions at the node.
+    """Interpolate mortar weights at corners to all nodes of facets of degree 2. Collective.
 
     Args:
         comm: communicator.

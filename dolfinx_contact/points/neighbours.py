@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nonlocal laws, which average a quantity over neighbouring contact points of a surface.
 
-Each row of the sparse averaging matrix N belongs to a contact point and contains the kernel weights
-times the areas of the points within the radius of the kernel. No rank stores more of the surface
-than the surroundings of its own points.
+The row of a contact point in the sparse averaging matrix contains the kernel weights times the
+areas of the points within the radius of the kernel. A rank stores only the surroundings of its own
+points.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = ["LawAmongPoints", "Neighbours"]
 
 
 class Neighbours:
-    """Matrix that averages over neighbouring contact points of a surface, assembled on first use.
+    """Matrix averaging over neighbouring contact points of a surface, assembled on first use.
 
     Args:
         points: contact points of the surface.

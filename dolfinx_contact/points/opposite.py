@@ -7,7 +7,7 @@ displacements of opposing nodes, interpolated to the contact points. Otherwise a
 weights of the nodes, and Gauss points lie on the common parts of the faces.
 
 No rank stores a whole surface: each query for the nearest node is sent to the ranks in whose
-bounding boxes this node may lie, and these ranks send the result back.
+bounding boxes it may lie, and these ranks send the result back.
 """
 
 from __future__ import annotations
@@ -98,8 +98,7 @@ class Opposite:
     """Points opposite to the nodes of a slave, as weighted means of master nodes.
 
     Attributes:
-        nodes: global master nodes opposite to the local slave nodes, in the order of the slave
-            nodes, shape (m, k).
+        nodes: global master nodes opposite to the local slave nodes, in their order, shape (m, k).
         weights: weights of these nodes, shape (m, k); rows are padded with arbitrary nodes of
             weight 0.
         none: mask of the local nodes that have no opposing point or are their own opposing node, as
@@ -263,10 +262,7 @@ class _BothFaces:
         return node_positions(self.V)
 
     def normals(self, V: fem.FunctionSpace) -> Array:
-        """Return normals of the slave at the local nodes of a space, 0 at other nodes.
-
-        Collective.
-        """
+        """Return normals of the slave at the local nodes of a space, 0 elsewhere. Collective."""
         normals = outward_normals(V, self.slave)
         if self.normal is not None:
             normals[np.any(normals != 0.0, axis=1)] = self.normal
@@ -276,19 +272,10 @@ class _BothFaces:
 def _to_surface(
     W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _BothFaces
 ) -> tuple[Array, Array]:
-    """Return gaps and normals of a given obstacle at the slave nodes. Collective.
-
-    They are 0 at other nodes.
-
-    Args:
-        W: scalar P1 space.
-        surface: given obstacle.
-        normals: normals of the slave at the local nodes, shape (nodes, dim).
-        faces: slave and master.
+    """Return gaps and normals of a given obstacle at the slave nodes, 0 elsewhere. Collective.
 
     Raises:
-        ValueError: on every rank, if a normal of the obstacle deviates too much from that of the
-            slave.
+        ValueError: on every rank, if an obstacle normal deviates too much from the slave normal.
     """
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
@@ -321,9 +308,8 @@ def _gaps(faces: _BothFaces, opposite: Opposite) -> Array:
 def _matched(faces: _BothFaces) -> Opposite | None:
     """Return the master node opposite to each slave node; None if faces do not match. Collective.
 
-    It is the nearest master node. If the user has given a normal, distances are measured in the
-    projection along this normal, and only master nodes are considered whose own normals point
-    against it.
+    It is the nearest master node; if the user gives a normal, the nearest in the projection along
+    this normal among the nodes whose own normals point against it.
     """
     V, name, given = faces.V, faces.name, faces.normal
     comm = V.mesh.comm
@@ -457,12 +443,7 @@ def _by_rows(
 ) -> Opposite:
     """Return opposing points whose weights are the rows of a matrix. Collective.
 
-    Args:
-        faces: slave and master.
-        A: matrix of weights, which is scaled and destroyed. Before scaling, its row sums are the
-            areas, except for round-off.
-        areas: areas of the local nodes.
-        common: common parts of the faces; None if not available.
+    The matrix is scaled and destroyed. Its row sums are the areas, except for round-off.
     """
     comm, index_map = faces.V.mesh.comm, faces.V.dofmap.index_map
     slave = faces.sides.slave

@@ -43,10 +43,7 @@ class DiscretePair(DiscreteSurface):
         self.check_gaps()
 
     def check_gaps(self) -> None:
-        """Raise ``ValueError`` if a gap given by the user is too negative. Collective.
-
-        A negative gap is an overlap, whose largest value is set by ``interference``.
-        """
+        """Raise ``ValueError`` if a given gap is negative by more than is allowed. Collective."""
         if not self._given_gap:
             return
         worst = minimum(self.comm, self.points.vertex_gaps, np.inf)
@@ -60,10 +57,9 @@ class DiscretePair(DiscreteSurface):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Determine the nodes without a multiplier, and distribute their basis functions.
+        """Distribute the basis functions of nodes without a multiplier. Collective.
 
-        For faces that do not match, these include nodes with a fixed jump (`shared_functions`).
-        Collective.
+        For faces that do not match, nodes with a fixed jump are included (`shared_functions`).
 
         Args:
             fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).

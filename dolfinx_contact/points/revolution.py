@@ -56,9 +56,7 @@ def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
 
 
 def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
-    """Return normals whose radial component is set to 0 on the axis. Collective.
-
-    They are the means of the normals and their mirror images.
+    """Return normals averaged with their mirror images (no radial part) on the axis. Collective.
 
     Args:
         V: displacement space.
@@ -70,10 +68,7 @@ def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
 
 
 def axis_condition(V: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    """Return the Dirichlet condition u_r = 0 on the axis, as a list. Collective.
-
-    The list is empty if no node lies on the axis.
-    """
+    """Return the condition u_r = 0 on the axis as a list, empty without nodes there. Collective."""
     nodes = np.flatnonzero(on_axis(V)).astype(np.int32)
     if not V.mesh.comm.allreduce(len(nodes)):
         return []

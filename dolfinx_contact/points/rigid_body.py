@@ -73,8 +73,8 @@ class RigidKinematics:
         """Return the rotation matrix of a motion, shape (dim, dim).
 
         Args:
-            motion: motion of the body, shape (k,), or n motions, shape (n, k); in the latter case
-                the result has the shape (n, dim, dim).
+            motion: motion of the body, shape (k,), or n motions, shape (n, k), for a result of
+                shape (n, dim, dim).
         """
         angles = motion[..., self.dim :]
         vector = np.zeros((*angles.shape[:-1], 3))
@@ -105,9 +105,7 @@ class RigidKinematics:
         return motion[: self.dim] + arm @ self.rotation(motion).T - arm
 
     def spin(self, motion: Array) -> Array:
-        """Return the matrix that maps rates of the rotation vector to the spin of the body.
-
-        It has shape (1, 1) in 2D and (3, 3) in 3D.
+        """Return the matrix from rates of the rotation vector to the spin, shape (1, 1) or (3, 3).
 
         Args:
             motion: motion of the body, shape (k,).
@@ -179,11 +177,10 @@ class RigidBody(ReadOnly, Obstacle):
     The components of its motion are the displacements ``x``, ``y`` (``z``) of the reference point
     and the rotations ``rz`` (``rx``, ``ry``, ``rz``) about it. Each component is either free, with
     a load (a force, or a moment about the reference point), or prescribed, with a motion. Values
-    are numbers, scalar Constants, or UFL expressions of Constants; the values of Constants may be
-    changed later. In small sliding, the motion is assumed to be small, and gap and normal belong to
-    the shape in its initial position. In large sliding, the shape moves with the body.
-    Displacements and prescribed rotations may then be large (in 3D, rotations are components of the
-    rotation vector); free rotations are assumed to be small.
+    are numbers, scalar Constants, or UFL expressions of Constants, which may be changed later. In
+    small sliding, the motion is small, and gap and normal belong to the shape in its initial
+    position. In large sliding, the shape moves with the body, by displacements of any size and
+    prescribed rotations (in 3D, components of the rotation vector); free rotations are small.
 
     Several contact surfaces may touch one rigid body. Problems with rigid bodies are solved by the
     direct solver; multigrid does not support them.
@@ -205,10 +202,10 @@ class RigidBody(ReadOnly, Obstacle):
         components: names of all components.
         given: prescribed load or motion of each component, by name.
         fixed: mask of the prescribed components, shape (3,) or (6,).
-        values: displacement and rotation of the last solution, which are the start of the next
-            solve, shape (3,) or (6,). Each problem should have a rigid body of its own, because the
-            last solve of any problem sets the values. This attribute is writable; all other
-            attributes are read-only. Use Constants for loads and motions that are to change.
+        values: displacement and rotation of the last solution, the start of the next solve, shape
+            (3,) or (6,). Each problem should have a rigid body of its own, because the last solve
+            of any problem sets the values. All other attributes are read-only; use Constants for
+            loads and motions that are to change.
 
     Raises:
         ValueError: if a component is missing, repeated or unknown, or a value is neither a finite
@@ -320,7 +317,7 @@ class RigidBody(ReadOnly, Obstacle):
         return self.shape.on(domain)
 
     def _check(self, domain: mesh.Mesh) -> None:
-        """Raise ``ValueError`` if the body does not fit to a mesh. Not collective."""
+        """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
         if domain.geometry.dim != self.dim:
             raise ValueError(
                 f"{self.name}: the reference point has {self.dim} components, the mesh "
@@ -332,9 +329,7 @@ class RigidBody(ReadOnly, Obstacle):
     # -- motions ---------------------------------------------------------------------------------
 
     def moves(self, x: Array) -> Mask:
-        """Return the mask of the components in which free motions can displace points.
-
-        The mask has shape (n, dim).
+        """Return the mask of components in which free motions can displace points, shape (n, dim).
 
         Args:
             x: points, shape (n, dim).
@@ -389,7 +384,7 @@ class Partner:
     def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
         """Return the derivative of `relative` along a motion of both bodies, shape (n, dim).
 
-        If the frame rotates, the derivative does not include its rotation.
+        It does not include the rotation of the frame.
 
         Args:
             u: displacement at the first n local nodes, shape (n, dim).
@@ -409,9 +404,7 @@ class Partner:
         return self.body.kinematics.rotation(motion)
 
     def dragged(self, x: Array) -> Array:
-        """Return the current displacements of the rigid body at given points, shape (n, dim).
-
-        They are 0 if the obstacle is not a rigid body.
+        """Return current displacements of the rigid body at points, 0 without one, shape (n, dim).
 
         Args:
             x: points, shape (n, dim).
@@ -436,13 +429,7 @@ def number(e: Any) -> float:
 
 
 def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
-    """Return the names of components and their loads or motions.
-
-    Args:
-        values: loads or motions by component.
-        zeros: further components, whose value is 0.
-        name: name of the body for messages.
-    """
+    """Return the names of components and their loads or motions, 0 for the names in ``zeros``."""
     if values is not None and not isinstance(values, Mapping):
         raise ValueError(
             f"{name}: loads and motions go by component, {{'y': -1.0}}; got {values!r}"
@@ -455,10 +442,6 @@ def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:
 
 def _scalar(value: Any, what: str) -> Any:
     """Return a load or motion as a UFL scalar of Constants.
-
-    Args:
-        value: number, Constant or UFL expression of Constants.
-        what: description of the value, for messages.
 
     Raises:
         ValueError: if the value is neither a finite number nor such a scalar.

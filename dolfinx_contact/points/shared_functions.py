@@ -72,8 +72,8 @@ def crossings(
         fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
 
     Returns:
-        Mask of these nodes among the local vertices of each surface, and mask of these nodes among
-        the local nodes of the displacement, on both faces.
+        Mask of these nodes among the local vertices of each surface, and among the local nodes of
+        the displacement, on both faces.
     """
     comm = V.mesh.comm
     nodes_of = V.dofmap.index_map
@@ -139,8 +139,8 @@ def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of components in which neither a node nor its opposing point can move.
 
-    The mask has shape (local nodes, dim). All components of nodes without an opposing point, which
-    have no jump, are included. Collective.
+    Nodes without an opposing point, which have no jump, are included. Shape (local nodes, dim).
+    Collective.
 
     Args:
         V: displacement space.
@@ -155,8 +155,8 @@ def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
 def clamped_ends(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of mortar nodes with a fixed jump that overlap free master nodes.
 
-    At such a node Dirichlet data fix the node and the master at its position, but its dual basis
-    function overlaps basis functions of free master nodes. Collective.
+    Dirichlet data fix such a node and the master at its position, but its dual basis function
+    overlaps basis functions of free master nodes. Collective.
 
     Args:
         V: displacement space.
@@ -177,7 +177,7 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
 
     Args:
         opposite: opposing points of all nodes.
-        nodes: mask of the local nodes whose opposing point is to be that of their own position.
+        nodes: mask of the local nodes that get the opposing point of their own position.
     """
     assert opposite.common is not None
     places = opposite.common.places
@@ -201,7 +201,7 @@ def shared(
 ) -> tuple[PETSc.Mat, Array, Mask]:
     """Return the matrix of means weighted with enlarged basis functions of vertices. Collective.
 
-    The basis functions of given vertices are added to those of surrounding vertices.
+    Functions of given vertices are added to functions of surrounding vertices.
 
     Args:
         vertices: scalar P1 space of the slave facets.
@@ -211,9 +211,9 @@ def shared(
         areas: areas of the owned vertices, shape (n,).
 
     Returns:
-        Matrix of the means, in which the row of a vertex with a distributed function is that of the
-        identity; areas of the enlarged functions of the owned vertices, shape (n,); and mask of the
-        vertices whose basis function could be distributed.
+        Matrix of the means, with rows of the identity for distributed functions; areas of the
+        enlarged functions of the owned vertices, shape (n,); and mask of the vertices whose basis
+        function could be distributed.
     """
     receivers, given = receiving_vertices(vertices, given, idle)
     n = len(areas)
@@ -229,9 +229,7 @@ def shared(
 def receiving_vertices(
     vertices: fem.FunctionSpace, given: Mask, idle: Mask
 ) -> tuple[NodeWeights, Mask]:
-    """Return the vertices that receive basis functions of given vertices. Collective.
-
-    A function is added in equal parts to those of the surrounding vertices.
+    """Return vertices that receive equal parts of given basis functions. Collective.
 
     Args:
         vertices: scalar P1 space of the slave facets.
@@ -272,10 +270,7 @@ def receiving_vertices(
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:
-    """Return the diagonal matrix with entries 1 at marked owned vertices, 0 elsewhere.
-
-    Collective.
-    """
+    """Return the diagonal matrix with 1 at marked owned vertices, 0 elsewhere. Collective."""
     at = vertices.dofmap.index_map.local_range[0] + np.flatnonzero(marked).astype(np.int64)
     shape = len(marked), len(marked)
     return triplet_matrix(vertices.mesh.comm, shape, at, at, np.ones(len(at)))

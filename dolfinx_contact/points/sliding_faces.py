@@ -60,14 +60,12 @@ _DEGREES = {2: 4, 3: 2}
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingOpposite(Opposite):
-    """Master of a pair in large sliding, with its search distance and planes of symmetry.
-
-    The inherited nodes and weights are empty, because they depend on the state.
+    """Master in large sliding; inherited nodes and weights are empty, as they depend on the state.
 
     Attributes:
         depth: search distance in front of the slave and behind it.
-        direction: for self-contact, direction that selects the slave: of two opposing facets, the
-            one that lies farther along it in the mesh, shape (dim,); None for two faces.
+        direction: for self-contact, direction along which the slave of two opposing facets lies
+            farther in the mesh, shape (dim,); None for two faces.
         across: mask of the components normal to the planes of symmetry on which nodes lie, shape
             (local nodes, dim). Normals and slips at these nodes are means with their mirror images.
         planes: positions of the planes of symmetry by axis. Images of the master lie behind them
@@ -100,9 +98,7 @@ class _Corners(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """Common parts of slave and master facets, with quadrature points.
-
-    In the shapes, p is the number of common parts, and q that of quadrature points on each.
+    """Common parts p of slave and master facets, with q quadrature points each.
 
     Attributes:
         facet: slave facet of each part, shape (p,).
@@ -135,7 +131,7 @@ class _Searched(NamedTuple):
 
 
 class SlidingFaces:
-    """Slave and master face of a pair in large sliding; finds the facets that face each other.
+    """Slave and master of a pair in large sliding; finds the facets that face each other.
 
     Args:
         V: displacement space of degree 1.
@@ -149,11 +145,11 @@ class SlidingFaces:
         slave_nodes: global nodes of the displacement at these corners, shape (n, k).
         found: candidates of the last search.
         searches: number of searches.
-        kept: factors 0 for vector components at vertices that cancel with those of their mirror
-            image across a plane of symmetry, otherwise 1, shape (vertices, dim).
-        images: factors of vectors summed over the facets around a vertex, which account for the
-            mirror images of these facets, shape (vertices, dim).
-        removed: overlaps in the mesh that are subtracted from gaps, at the local vertices.
+        kept: 0 for vector components that cancel with their mirror image across a plane of
+            symmetry, otherwise 1, shape (vertices, dim).
+        images: factors that add the contributions of mirror images to sums of facet vectors around
+            vertices, shape (vertices, dim).
+        removed: overlaps subtracted from gaps, at the local vertices.
         lost: in self-contact, mask of the slave facets that start inside the body and have no
             opposing facet within the search distance.
     """
@@ -215,13 +211,11 @@ class SlidingFaces:
         return self._facets.at_corners(self._node_exchange.from_owners(values))
 
     def sums(self, facet: Ints, values: Array) -> Array:
-        """Return, for each local vertex, the sum of values at slave corners over the common parts.
-
-        The common parts are those of slave and master facets.
+        """Return sums of values at slave corners over the common parts around each local vertex.
 
         Args:
-            facet: slave facet of each part, shape (p,).
-            values: values at the corners of the slave facets of the parts, shape (p, k, ...).
+            facet: slave facet of each common part of slave and master facets, shape (p,).
+            values: values at the corners of these facets, shape (p, k, ...).
 
         Returns:
             Sums, shape (vertices, ...).
@@ -248,17 +242,14 @@ class SlidingFaces:
 
     @property
     def free_to_spin(self) -> Array:
-        """Factors of the spins of the faces about the normals at the vertices, shape (vertices,).
+        """Factors of the spins about the normals at the vertices, shape (vertices,).
 
-        They are 0 at vertices on planes of symmetry, where spins cancel with those of the mirror
-        images, and 1 at other vertices.
+        0 on planes of symmetry, where spins cancel with their mirror images; otherwise 1.
         """
         return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
-        """Return derivatives of the area vectors of slave facets with respect to the corners.
-
-        The shape is (n, dim, k, dim).
+        """Return derivatives of slave area vectors with respect to corners, shape (n, dim, k, dim).
 
         Args:
             x: corners of the slave facets, shape (n, k, dim).
@@ -343,10 +334,9 @@ class SlidingFaces:
         return maximum(self.comm, -_heights(common))
 
     def sharpest_edge(self) -> tuple[float, Array]:
-        """Return the largest angle between facet and node normals at edges, and its position.
+        """Return the largest angle in degrees between facet and node normals, and its position.
 
-        The angle is in degrees. A node lies on an edge if the facets around it lie behind the plane
-        perpendicular to its normal.
+        Only edges count, where the facets lie behind the plane perpendicular to the node normal.
         """
         x = self._reference
         vectors = self._facets.vectors(x)
@@ -366,14 +356,10 @@ class SlidingFaces:
     def _select_slave(self, direction: Array) -> None:
         """Keep the pairs of self-contact in which the slave lies farther along a direction.
 
-        Pairs of neighbours are removed: facets that share a node, or that are near each other in
-        the mesh without facing each other there. If both facets lie equally far, the slave is the
-        facet that lies farther along the first coordinate in which they differ. If one of them is
-        then a mirror image, the pair is removed, because the facet faces the plane of symmetry
-        itself.
-
-        Args:
-            direction: unit vector, shape (dim,).
+        Pairs of neighbours are removed: facets that share a node, or are near each other in the
+        mesh without facing each other there. At equal distance, the first differing coordinate
+        decides, and pairs with a mirror image are removed, because the facet faces the plane of
+        symmetry itself.
         """
         i, k = self.found.pairs.T
         corners = self._found_before
@@ -391,10 +377,7 @@ class SlidingFaces:
         self.found = replace(self.found, pairs=self.found.pairs[kept])
 
     def _share_node(self) -> Mask:
-        """Return the mask of the pairs of facets with a common node.
-
-        A mirror image shares the nodes on its plane of symmetry.
-        """
+        """Return the mask of facet pairs with a common node; images share nodes on their planes."""
         i, k = self.found.pairs.T
         same = self.slave_nodes[i][:, :, None] == self.found.nodes[k][:, None]
         off = self._reference[i][:, :, None] - self._found_before[k][:, None]
@@ -404,9 +387,9 @@ class SlidingFaces:
     def _deepest_of_itself(self) -> Array:
         """Return the largest overlap of each slave facet in self-contact, shape (n,).
 
-        With a larger overlap, the facet could meet the far side of its own body. The value is half
-        the thickness T of the undeformed body behind the facet, or (d + T)/2 for a facet that
-        starts inside the body at the depth d; at most the search distance.
+        Beyond it, the facet could meet the far side of its own body. It is half the thickness T of
+        the undeformed body behind the facet, or (d + T)/2 for a facet starting inside the body at
+        the depth d; at most the search distance.
         """
         self._search(self._X, None)
         self.searches = 0
@@ -431,13 +414,9 @@ class SlidingFaces:
         return np.minimum(0.5 * (start + thickness), self._depth)
 
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
-        """Return those pairs whose master facet lies behind the slave facet in the mesh.
+        """Return pairs whose master facet lies behind the slave facet in the mesh, and distances.
 
-        Args:
-            pairs: indices of slave facets and candidates, shape (pairs, 2).
-
-        Returns:
-            Pairs, and their distances.
+        ``pairs`` contains indices of slave facets and candidates, shape (pairs, 2).
         """
         corners = self._reference, self._found_before
         common = self._covered(*corners, pairs, self._depth, farthest=0.0)
@@ -449,9 +428,8 @@ class SlidingFaces:
         """Return the common parts of slave and master facets, gaps and slips at a displacement.
 
         Args:
-            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
-            before: displacement of the owned nodes at the last accepted state; None if this state
-                is the undeformed mesh.
+            u: displacement of the owned nodes, shape (n, dim); further rows are ignored.
+            before: displacement of the owned nodes at the last accepted state; None for zero.
             areas: areas of the local vertices in the reference configuration.
         """
         self._search(self._X + self._node_exchange.from_owners(u), self._direction)
@@ -510,11 +488,7 @@ class SlidingFaces:
         return _Corners(slave, master, self.at_nodes(self._facets.vectors(slave)))
 
     def _pieces(self, now: _Corners) -> _Pieces:
-        """Return the common parts of slave and master facets, with quadrature points.
-
-        Args:
-            now: positions of both faces.
-        """
+        """Return the common parts of slave and master facets, with quadrature points."""
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
         common = self._covered(now.slave, now.master, self.found.pairs, self._deepest, **limits)
         facet = common.facet
@@ -532,10 +506,6 @@ class SlidingFaces:
         """Return the signs of vector components at the corners of both facets, shape (p, c, dim).
 
         They are -1 for components that are mirrored, otherwise 1.
-
-        Args:
-            master: master facet of each of the p common parts of slave and master facets, an index
-                of the candidates.
         """
         mirrors = self.found.mirrors[master][:, None]
         mine, theirs = self.corners.shape[1], self.found.nodes.shape[1]
@@ -547,9 +517,8 @@ class SlidingFaces:
         """Return weighted gaps, slips, normals and spins at the local vertices.
 
         Args:
-            sums: sums over the common parts of slave and master facets around each vertex, by name:
-                weights, products of basis functions with those of other corners, and weighted gaps,
-                slips, mean spins and relative spins (symbols in `sliding_kinematics`).
+            sums: sums over the common parts around each vertex, by name: weights, products of basis
+                functions, and weighted gaps, slips, mean and relative spins (`sliding_kinematics`).
             m: sums of area vectors around the vertices, shape (n, dim).
             before: unit normals of the last accepted state, shape (n, dim).
             areas: areas of the vertices in the reference configuration, shape (n,).
@@ -589,10 +558,7 @@ class SlidingFaces:
 
 
 def _heights(common: Cover) -> Array:
-    """Return signed distances of master from slave facets, one for each common part of two facets.
-
-    They are distances between the midpoints of both facets along the slave normal.
-    """
+    """Return distances of master from slave midpoints along slave normals, one per common part."""
     off = common.master.x[common.other].mean(axis=1) - common.slave.x[common.facet].mean(axis=1)
     return dot(off, common.slave.normals[common.facet])
 

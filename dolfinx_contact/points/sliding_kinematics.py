@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Weighted gaps and slips of the slave nodes at a state, and their derivatives.
 
-Let N_a and N_b be the linear basis functions of the slave and master nodes. The common parts of
-slave and master facets have quadrature points q with weights w in the reference configuration. From
-each point, a ray along the slave normal meets the master at the reference coordinates eta, at a
-distance that is the gap g of the point (`cast`). A slave node a has the covered area W_a, the gap
-g_a and the slip d_a,
+Let N_a and N_b be the linear basis functions of slave and master nodes. The common parts of slave
+and master facets have quadrature points q with weights w in the reference configuration. A ray
+along the slave normal meets the master at the reference coordinates eta, at a distance equal to the
+gap g (`cast`). A slave node a has the covered area W_a, the gap g_a and the slip d_a,
 
     W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a.
 
-The slip d of a quadrature point is the vector, in the tangent plane of the last accepted state,
-between the two material points that face each other now,
+The slip d of a point is the vector, in the tangent plane of the last accepted state, between the
+two material points that face each other now,
 
     d = (I - n_o n_o^T) (y_o(eta) - x_o),
 
@@ -22,8 +21,8 @@ law of node a is evaluated at the jump
 
 with the present normal n_a and the smallest rotation R_a from the normal of the last state to n_a;
 R_aq is the smallest rotation from n_o at the point to n_o at the node, so that slips on curved
-faces keep their lengths. In 3D, S_a is the rotation about n_a by the mean of the angles by which
-the two faces have turned about n_a since the last accepted state (in 2D it is the identity),
+faces keep their lengths. S_a, in 3D, is the rotation about n_a by the mean angle by which both
+faces have turned about it since the last accepted state,
 
     psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
 
@@ -35,15 +34,15 @@ The tractions t of the nodes are nominal; their forces are w N_a t on the slave,
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Changes of the boundaries of the common parts are not differentiated.
 
-At a node that is barely covered, for example near the edge of the master, the gap can be determined
-only near that edge. The contact law of the node therefore gets the weight
-s = min(1, W_a / (c A_a)), with the area A_a of the node and a fixed fraction c. Otherwise its
-traction t_a approaches the mean of the tractions t_b of the surrounding slave nodes b,
+At a node that is barely covered, for example near the edge of the master, the gap is known only
+near that edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with the area A_a of
+the node and a fixed fraction c, and the mean of the tractions t_b of the slave nodes b around it
+gets the rest,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
-where tau_a is the traction required by the law. Tractions are thus continuous at the edge, also
-when a node becomes covered or uncovered.
+with the traction tau_a required by the law. Tractions are thus continuous at the edge, also when a
+node becomes covered or uncovered.
 
 For bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
 reference configuration: tractions are nominal there too, so that w is constant when bodies move
@@ -87,16 +86,14 @@ _FOUND = 1e-12  # relative to the facet, last step of Newton's method
 class CastRays:
     """Rays from points of slave facets along the slave normal to master facets (`cast`).
 
-    In the shapes, p is the number of common parts of facets, and q that of points on each.
+    There are p common parts of facets with q points each.
 
     Attributes:
         normal: unit normals at the points, the directions of the rays, shape (p, q, dim).
         length: lengths of the normals m before normalisation, shape (p, q).
         gap: gaps along the rays, shape (p, q).
-        weights: basis functions of the b master nodes where the rays meet the master, shape
-            (p, q, b).
-        slopes: derivatives of these basis functions with respect to the reference coordinates,
-            shape (p, q, b, dim - 1).
+        weights: basis functions of the b master nodes where rays meet the master, shape (p, q, b).
+        slopes: their derivatives by the reference coordinates, shape (p, q, b, dim - 1).
         inverse: inverse of the matrix [Y | -n] of `cast`, shape (p, q, dim, dim).
     """
 
@@ -109,9 +106,9 @@ class CastRays:
 
     @property
     def by_normal(self) -> Array:
-        """Derivatives of the unit normals with respect to the normals before normalisation.
+        """Derivatives of the unit normals with respect to normals m of any length.
 
-        The shape is (p, q, dim, dim).
+        Shape (p, q, dim, dim).
         """
         return unit_rates(self.normal, self.length)
 
@@ -119,10 +116,9 @@ class CastRays:
 def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
     """Intersect rays along slave normals with master facets.
 
-    Let m_a be the sum of the area vectors of the facets around the slave node a at x_a, and N_a the
-    linear basis function of the node. The point x = sum_a N_a x_a of a slave facet then has the
-    normal n = m / |m| with m = sum_a N_a m_a. The ray from x along n meets the master facet with
-    the points y(eta) = sum_b N_b(eta) y_b at
+    Let m_a be the sum of the area vectors of the facets around the slave node x_a with the linear
+    basis function N_a. The point x = sum_a N_a x_a has the normal n = m / |m|, m = sum_a N_a m_a.
+    The ray from x along n meets the master facet y(eta) = sum_b N_b(eta) y_b at
 
         x + g n = y(eta),
 
@@ -178,11 +174,10 @@ class Spins(NamedTuple):
 def spins(before: Array, now: Array, sense: Array) -> Spins:
     """Return the angles by which facets have turned about their normals, with derivatives.
 
-    Let a_1 and a_2 be two edge vectors of the facet before, with the reciprocal vectors a^i in its
-    plane, o its unit normal before, e_i the current edge vectors and n the current unit normal. The
-    smallest rotation R from o to n turns the reciprocal vectors into g_i = R a^i. In addition to
-    this rotation, the facet has been deformed by F = sum_i e_i g_i^T. The rotation in the polar
-    decomposition of F is about n, by the angle psi with
+    Before, a facet has the unit normal o, and two edge vectors with the reciprocal vectors a^i in
+    its plane; now it has the unit normal n and edge vectors e_i. The smallest rotation R from o to
+    n turns a^i into g_i = R a^i; in addition, the facet is deformed by F = sum_i e_i g_i^T. The
+    rotation in the polar decomposition of F is about n, by the angle psi with
 
         tan psi = s / c,    s = n . sum_i g_i x e_i,    c = sum_i g_i . e_i.
 
@@ -228,8 +223,7 @@ class Nodal:
     Attributes:
         weight: covered areas, 0 at nodes without an opposing part, shape (n,).
         share: weights of the contact laws, less than 1 at barely covered nodes, shape (n,).
-        around: integrals of products of the basis function of each vertex with those of all other
-            vertices, shape (n,).
+        around: integrals of the basis function of each vertex times all others, shape (n,).
         gap: gaps, shape (n,).
         slip: slips d along the surface of the last accepted state, shape (n, dim).
         normal: unit normals n, shape (n, dim).
@@ -257,9 +251,9 @@ class Nodal:
 
     @cached_property
     def _turned(self) -> Array:
-        """Smallest rotations R from the normals of the last accepted state to the current ones.
+        """Smallest rotations R from normals of the last accepted state to current normals.
 
-        The shape is (n, dim, dim).
+        Shape (n, dim, dim).
         """
         return rotation(self.before, self.normal)
 
@@ -277,17 +271,14 @@ class Nodal:
     def rotation(self) -> Array:
         """Rotations S R from the tangent planes of the last accepted state to the current ones.
 
-        They are the smallest rotations R from the earlier to the current normals, followed by
-        rotations S about the normals by the angles `spin`; shape (n, dim, dim).
+        The smallest rotations R from the earlier to the current normals are followed by rotations S
+        about the normals by the angles `spin`; shape (n, dim, dim).
         """
         return self._spun @ self._turned
 
     @property
     def slip_now(self) -> Array:
-        """Slips since the last accepted state, rotated to the current state (`rotation`).
-
-        The shape is (n, dim).
-        """
+        """Slips since the last accepted state, rotated to the current state, shape (n, dim)."""
         return transformed(self.rotation, self.slip)
 
     @property
@@ -304,9 +295,9 @@ class Nodal:
 
     @cached_property
     def by_normal(self) -> Array:
-        """Derivatives of the normals with respect to the sums of area vectors around vertices.
+        """Derivatives of the normals with respect to the sums m of area vectors.
 
-        The shape is (n, dim, dim).
+        Shape (n, dim, dim).
         """
         return unit_rates(self.normal, self.length)
 
@@ -314,8 +305,8 @@ class Nodal:
     def by_turning(self) -> Array:
         """Derivatives of `slip_now` with respect to the normals, shape (n, dim, dim).
 
-        The change of a vector that merely turns with the normal is not included. The derivatives
-        are 0 in 2D, and if the normal has not changed since the last accepted state.
+        The change of a vector that merely turns with the normal is not included. Zero in 2D, and if
+        the normal has not changed since the last accepted state.
         """
         n = self.normal
         o = self.before
@@ -329,9 +320,7 @@ class Nodal:
 
 
 class RayRates(NamedTuple):
-    """Changes of rays, or derivatives of these changes (further axes), shape (p, q, ...).
-
-    In the shapes, p is the number of common parts of facets, and q that of points on each.
+    """Changes of rays from q points on each of p common parts, or derivatives of these changes.
 
     Attributes:
         place: changes of the reference coordinates at which the rays meet the master, shape
@@ -347,8 +336,8 @@ class RayRates(NamedTuple):
 class Facing:
     """Common parts of slave and master facets with quadrature points, at a displacement.
 
-    In the shapes, p is the number of common parts, q that of quadrature points on each, a the
-    number of corners of a slave facet, b that of a master facet, and c = a + b.
+    There are p common parts with q points each; a slave facet has a corners, a master facet b, and
+    c = a + b.
 
     Attributes:
         found: candidates of the last search.
@@ -391,11 +380,7 @@ class Facing:
 
     @property
     def mass(self) -> Array:
-        """Mass matrices of the slave facets on the common parts, shape (p, a, a).
-
-        Entries are integrals of products of the basis functions of two slave corners over a common
-        part; diagonal entries are set to 0.
-        """
+        """Mass matrices of slave facets on the common parts, 0 on the diagonal, shape (p, a, a)."""
         found = self.weighted @ self.basis
         return found * (1.0 - np.eye(found.shape[1]))
 
@@ -412,10 +397,10 @@ class Facing:
         return RayRates(found[..., :-1], found[..., -1])
 
     def slopes(self) -> RayRates:
-        """Return the derivatives of the changes of the rays by the arguments of `moved`.
+        """Return the derivatives of `moved`, the changes of the rays, by its arguments.
 
-        The last two axes have shape (c + a, dim): displacements of the corners of both facets, then
-        changes of the sums of area vectors at the slave corners.
+        The last two axes, shape (c + a, dim), contain displacements of the c corners of both
+        facets, then sums of area vectors at the a slave corners.
         """
         rays = self.rays
         by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)

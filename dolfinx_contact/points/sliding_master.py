@@ -28,9 +28,7 @@ _FEW_PAIRS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Master facets that may oppose slave facets, as found by a search.
-
-    Mirror images of master facets behind planes of symmetry count as separate facets.
+    """Master facets that may oppose slave facets; mirror images count as separate facets.
 
     Attributes:
         nodes: global nodes at the b corners of the master facets, each facet once, shape (n, b).
@@ -47,11 +45,7 @@ class Candidates:
     pairs: Ints
 
     def faces(self, x: Array) -> Faces:
-        """Return the master facets with corners at given positions.
-
-        Args:
-            x: positions of the corners, shape (n, b, dim).
-        """
+        """Return the master facets with corners at positions x, shape (n, b, dim)."""
         return Faces(x, unit(self.senses[:, None] * area_vectors(x)), self.nodes)
 
 
@@ -113,29 +107,20 @@ class Master(MovingFacets):
 
         The columns are the sign of each axis (-1 if mirrored), the sign of the area vector, and the
         global nodes of the corners.
-
-        Args:
-            facets: indices of the facets.
-            mirror: sign of each axis, shape (dim,).
         """
         signs = np.broadcast_to(mirror, (len(facets), self._dim))
         senses = np.prod(mirror) * self.sense[facets]
         return np.column_stack([signs, senses, self.nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
-        """Return the vectors that shift mirrored positions behind their planes of symmetry.
-
-        Args:
-            mirrors: sign of each axis, -1 if mirrored, shape (dim,) or (m, dim), which is the shape
-                of the result.
-        """
+        """Return the vectors that shift mirrored positions behind their planes of symmetry."""
         return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def whole(self, slave: int) -> Candidates | None:
         """Return candidates that pair every slave facet with every master facet. Collective.
 
-        None if there are too many pairs. Mirror images are not included, because they have the same
-        nodes as their facets.
+        None if there are too many pairs. Mirror images, which have the nodes of their facets, are
+        not included.
 
         Args:
             slave: number of slave facets of this rank.
@@ -151,12 +136,10 @@ class Master(MovingFacets):
         return _candidates(facets, pairs.astype(np.int64), self._dim)
 
     def at_candidates(self, values: Array, found: Candidates) -> Array:
-        """Return nodal vectors at the corners of candidate facets, shape (m, b, dim). Collective.
-
-        At the corners of mirror images, the vectors are mirrored.
+        """Return nodal vectors at corners of candidates, mirrored for mirror images. Collective.
 
         Args:
-            values: vectors at the owned nodes; further rows are ignored, shape (n, dim).
+            values: vectors at the owned nodes, shape (n, dim); further rows are ignored.
             found: candidates.
         """
         owned = np.ascontiguousarray(values[: self._V.dofmap.index_map.size_local])
@@ -167,7 +150,7 @@ class Master(MovingFacets):
         """Return positions of the corners of candidate facets, shape (m, b, dim). Collective.
 
         Args:
-            x: positions of the owned nodes; further rows are ignored, shape (n, dim).
+            x: positions of the owned nodes, shape (n, dim); further rows are ignored.
             found: candidates.
         """
         return self.at_candidates(x, found) + self._behind(found.mirrors)[:, None]

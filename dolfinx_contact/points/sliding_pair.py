@@ -52,9 +52,7 @@ _REACH = 0.25  # default search distance, relative to the size of the smaller fa
 
 
 class SlidingPair(DiscreteSurface):
-    """Discretisation of a `ContactPair` in large sliding, or of `SelfContact`.
-
-    All methods are collective.
+    """Discretisation of a `ContactPair` in large sliding or `SelfContact`. Methods are collective.
 
     Args:
         contact: description of the contact.
@@ -136,10 +134,7 @@ class SlidingPair(DiscreteSurface):
         )
 
     def _require_apart(self) -> None:
-        """Raise ``ValueError`` if both faces overlap by more than is allowed. Collective.
-
-        Overlaps are measured in the undeformed mesh.
-        """
+        """Raise ``ValueError`` if faces overlap by more than is allowed in the mesh. Collective."""
         points, overlap = self.points, self._overlap
         allowed = _OVERLAP * points.geometry.facet_size
         words = "or remove_overlap for a start without stress"
@@ -239,10 +234,7 @@ class SlidingFacets(Obstacle):
 
     @property
     def flat(self) -> bool:
-        """Always True: displacements of any size are admissible.
-
-        The opposing points are determined again at every state.
-        """
+        """Always True: opposing points follow the state, so any displacement is admissible."""
         return True
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
@@ -252,16 +244,9 @@ class SlidingFacets(Obstacle):
 def _across_planes(
     V: fem.FunctionSpace, sides: Sides, planes: Mapping[int, float], name: str
 ) -> Mask:
-    """Return the mask of components normal to planes of symmetry on which nodes lie.
+    """Return the mask of components normal to planes of symmetry on which nodes lie. Collective.
 
-    The mask has shape (local nodes, dim). Collective.
-
-    Args:
-        V: Lagrange space.
-        sides: local nodes on the slave, which ends at the planes, and on the master, which has
-            images behind them.
-        planes: positions of the planes of symmetry by axis.
-        name: name of the surface for messages.
+    Shape (local nodes, dim). The slave ends at the planes; the master has images behind them.
 
     Raises:
         ValueError: on every rank, if no node of the slave lies on a plane, or both faces together
@@ -291,9 +276,7 @@ def _across_planes(
 
 
 class SlidingPoints(NodePoints):
-    """Contact points in large sliding of pairs: the nodes of the slave.
-
-    Gaps and slips are weighted means, see `sliding_kinematics`.
+    """Nodes of a slave in large sliding, with weighted mean gaps and slips (`sliding_kinematics`).
 
     Attributes:
         faces: slave and master.
@@ -323,24 +306,18 @@ class SlidingPoints(NodePoints):
 
     @property
     def choices(self) -> list[float]:
-        """Search distance, planes of symmetry and largest removed overlap, as a list.
-
-        Collective.
-        """
+        """Search distance, planes of symmetry and largest removed overlap. Collective."""
         taken = maximum(self.comm, self.faces.removed)
         planes = [float(v) for plane in sorted(self.opposite.planes.items()) for v in plane]
         # without the digits that depend on the number of ranks
         return [self.opposite.depth, *planes, float(f"{taken:.6g}")]
 
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
-        """Return the operator from displacements to jumps at a displacement. Collective.
-
-        It is cached in `known`.
+        """Return the operator from displacements to jumps, cached in `known`. Collective.
 
         Args:
-            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
-            before: displacement of the owned nodes at the last accepted state; None if this state
-                is the undeformed mesh.
+            u: displacement of the owned nodes, shape (n, dim); further rows are ignored.
+            before: displacement of the owned nodes at the last accepted state; None for zero.
         """
         mine = u[: self._owned_nodes]
         last = self._last
@@ -444,8 +421,8 @@ class SlidingOperator(Operator):
         """Return means at the local vertices, weighted with the covered areas.
 
         Args:
-            parts: weighted contributions of the corners of the slave facet of each of the p common
-                parts of slave and master facets, shape (p, a, ...).
+            parts: weighted contributions of the a slave corners of p common parts, shape
+                (p, a, ...).
         """
         sums = self.faces.sums(self.facing.facet, parts)
         return (self.facing.nodal.inverse * sums.T).T
@@ -465,8 +442,7 @@ class SlidingOperator(Operator):
     def rate(self, v: Array) -> Array:
         """Return the derivative of the jumps along a displacement, shape (n, dim).
 
-        The normals in the normal parts of the jumps are fixed; for their contribution see
-        `normal_rate`.
+        The contribution of changing normals (`normal_rate`) is not included.
 
         Args:
             v: displacement of the owned nodes, shape (nodes, dim).

@@ -47,28 +47,15 @@ Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 
 def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return all pairs of a query and a point whose distance is at most that of the query.
+    """Return pairs of a query and a point of the tree within the distance of the query.
 
-    Args:
-        tree: tree of the points of this rank.
-        questions: queries: positions ``"x"`` and distances ``"reach"``.
-
-    Returns:
-        Indices of the queries, and indices of the points.
+    Queries have positions ``"x"`` and distances ``"reach"``. The pairs are two arrays of indices.
     """
     return listed_pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
 def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return pairs of each query and its nearest point in a tree.
-
-    Args:
-        tree: tree of the points of this rank.
-        questions: queries: positions ``"x"``.
-
-    Returns:
-        Indices of the queries, and indices of the points.
-    """
+    """Return indices of the queries (positions ``"x"``) and of their nearest points in a tree."""
     found = tree.query(questions["x"])[1]
     return np.arange(len(found)), found
 
@@ -206,9 +193,8 @@ def facets_along_normals(
 def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
     """Return facets of the master, of any rank, that may oppose slave facets. Collective.
 
-    The search distance follows from the nearest facet: a master facet whose reversed normal makes
-    an angle of less than 60 degrees with the slave normal lies at most twice as far away as the
-    nearest facet, plus half the sizes of both.
+    A master facet opposing a slave facet at an angle of less than 60 degrees is at most twice as
+    far away as the nearest facet, plus half the sizes of both.
 
     Returns:
         Master facets, and pairs of indices of slave and master facets, shape (pairs, 2).
@@ -231,9 +217,8 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
 def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return the pairs of a ray and a ball of this rank that reaches into a cylinder around it.
 
-    Rays are bisected repeatedly, and parts without a ball nearby are discarded. The cost therefore
-    depends on the number of balls near the rays, and not on the number of balls within a distance
-    of half a ray length.
+    Rays are bisected, and parts without a ball nearby are discarded, so that the cost grows with
+    the number of balls along the rays, not within their length.
 
     Args:
         tree: centres of the balls of this rank.

@@ -186,7 +186,7 @@ class DiscreteSurface(ReadOnly):
     def _displaced_points(self) -> DisplacedPoints:
         """Return the evaluator of a curved obstacle at displaced points. Collective.
 
-        Initial overlaps beyond the rim of the obstacle are removed or refused.
+        Initial overlaps beyond the rim are removed or refused.
         """
         displaced = displaced_points(
             self.points, self.domain, self.obstacle, self.law_at_points, self.name
@@ -199,9 +199,7 @@ class DiscreteSurface(ReadOnly):
         return displaced
 
     def _bind(self) -> None:
-        """Set `given`: gap and normal of the obstacle, and fields of the law, as UFL on the mesh.
-
-        Not collective.
+        """Set `given`, the data of obstacle and law as UFL on the mesh. Not collective.
 
         Raises:
             ValueError: if they depend on the displacement or belong to another mesh.
@@ -214,15 +212,12 @@ class DiscreteSurface(ReadOnly):
                 refuse_other_mesh(e, self.domain, what)
 
     def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
-        """Remove an initial overlap if requested, or refuse it if it is too large. Collective.
+        """Remove an initial overlap, or raise ``ValueError`` if it is too large. Collective.
 
         Args:
             gaps: gaps at the points of this rank, shape (n,).
             vertex_gaps: gaps at the local vertices.
             where: text appended to the name of the surface in the message.
-
-        Raises:
-            ValueError: on every rank, if the overlap is too large.
         """
         overlap = self._overlap
         if np.isfinite(overlap.most):
@@ -248,8 +243,8 @@ class DiscreteSurface(ReadOnly):
     def update_geometry(self) -> None:
         """Evaluate the data of obstacle and law again after they have changed. Collective.
 
-        `ContactEquations.read_data` calls this method. Call it directly only for evaluations of
-        gaps and normals without the equations.
+        `ContactEquations.read_data` calls it. Evaluations of gaps and normals without equations
+        need a direct call.
         """
         before = self.points.vertex_gaps, self.points.vertex_normals
         self.given.scatter()
@@ -283,11 +278,7 @@ class DiscreteSurface(ReadOnly):
         return np.array(min(self.comm.allgather(mine))[1])
 
     def _place_of_obstacle(self) -> Array:
-        """Return values that change when the obstacle moves.
-
-        They are the position of its centre or of a point if that is a Constant (`_anchor`),
-        otherwise the values of all Constants in gap and normal.
-        """
+        """Return the position of the obstacle if it is a Constant (`_anchor`), or its Constants."""
         if self._anchor is not None:
             return np.array(self._anchor.value)
         data = self.given.data
@@ -329,7 +320,7 @@ class DiscreteSurface(ReadOnly):
         """Return gaps, jumps and operator at the contact points of this rank. Collective.
 
         Args:
-            u: displacement of the owned nodes; further rows are ignored, shape (n, dim).
+            u: displacement of the owned nodes, shape (n, dim); further rows are ignored.
             motion: motion of the rigid body; None if the obstacle is not a rigid body.
             memory: memory of the points at the beginning of the step; None under the static law.
         """
@@ -376,9 +367,7 @@ class DiscreteSurface(ReadOnly):
     # -- nodes and points ------------------------------------------------------------------------
 
     def opposite(self, values: Array) -> Array:
-        """Return nodal values at the points opposite to the local nodes. Collective.
-
-        The result is 0 at nodes without an opposing point.
+        """Return nodal values at points opposite to the local nodes, 0 without one. Collective.
 
         Args:
             values: values at the nodes of the displacement, shape (n, ...), of which the owned ones
@@ -482,8 +471,7 @@ class DiscreteSurface(ReadOnly):
         """Return gaps and normals at the local vertices for given jumps. Collective.
 
         Args:
-            jump: jumps at the local vertices, i.e. displacements relative to the obstacle, shape
-                (n, dim).
+            jump: displacements of the local vertices relative to the obstacle, shape (n, dim).
         """
         if self.displaced is not None:
             body = self.rigid_body

@@ -2,8 +2,8 @@
 """Facets of a surface at any displacement, areas of its vertices, and sizes of its facets.
 
 Facets of degree 2 and quadrilaterals are divided into simplices. To measure distances from a master
-face, its simplices are gathered on every rank, as is done for the facets of rigid surfaces, so that
-both use the same search for the closest facet.
+face, its simplices are gathered on every rank, like the facets of rigid surfaces, so that both use
+the same search.
 """
 
 from __future__ import annotations
@@ -89,10 +89,7 @@ class MovingFacets:
 
     @cached_property
     def sense(self) -> Array:
-        """Factors 1 or -1 that make the area vectors computed from the corners point outward.
-
-        The shape is (n,).
-        """
+        """Signs of the area vectors computed from the corners, 1 if outward, shape (n,)."""
         outward = facet_normals(self._V.mesh, self._facets)
         return np.sign(dot(area_vectors(self.reference), outward))
 
@@ -105,11 +102,7 @@ class MovingFacets:
         return self.sense[:, None] * area_vectors(x)
 
     def faces(self, x: Array) -> Faces:
-        """Return the facets with corners at given positions.
-
-        Args:
-            x: positions of the corners, shape (n, k, dim).
-        """
+        """Return the facets with corners at positions x, shape (n, k, dim)."""
         return Faces(x, unit(self.vectors(x)), self.nodes)
 
 
@@ -178,14 +171,12 @@ class SurfaceGeometry:
         circumferences: ratios of swept areas to areas (lengths) in the section of a body of
             revolution, shape (n,); 1 for other bodies.
         whole: function returning the full areas of the vertices, covered or not.
-        covered: areas covered by an opposing face, shape (n,); None if the whole surface is
-            covered.
+        covered: areas covered by an opposing face, shape (n,); None if all are covered.
 
     Attributes:
         vertex_areas: covered areas, including areas taken over from other vertices, shape (n,).
         circumferences: ratios of swept areas to areas in the section, shape (n,).
-        covered_areas: areas covered by an opposing face, shape (n,); None if the whole surface is
-            covered.
+        covered_areas: areas covered by an opposing face, shape (n,); None if all are covered.
     """
 
     def __init__(

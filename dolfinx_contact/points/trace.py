@@ -52,7 +52,7 @@ def owned_facets(domain: mesh.Mesh, facets: Indices) -> Indices:
 
 
 def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
-    """Return those of the given local facets that lie on the boundary and that this rank owns."""
+    """Return the given local facets that lie on the boundary and are owned by this rank."""
     exterior = mesh.exterior_facet_indices(domain.topology)
     return np.intersect1d(facets, exterior).astype(np.int32)
 
@@ -110,11 +110,6 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
 
 def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
     """Return the local facets selected by the user. Not collective.
-
-    Args:
-        domain: mesh of the body.
-        facets: GmshMesh, MeshTags or array of local indices.
-        tag: number of the tag, or name of a physical group; None for indices.
 
     Raises:
         ValueError: if the selection is not valid.
@@ -179,9 +174,7 @@ def trace_nodes(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indic
 
 
 def outward_normals(V: fem.FunctionSpace, facets: Indices) -> Array:
-    """Return unit normals at local nodes of exterior facets. Collective.
-
-    They are area-weighted means over the adjacent facets.
+    """Return unit normals at local nodes, area-weighted means of exterior facets. Collective.
 
     Args:
         V: Lagrange space.
@@ -228,13 +221,7 @@ def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
 
 
 def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
-    """Return the mask of the local nodes that lie on given facets. Collective.
-
-    Args:
-        V: Lagrange space.
-        facets: local facets; each rank may give different ones, whose nodes are marked on all
-            ranks.
-    """
+    """Return the mask of the local nodes on given facets of any rank. Collective."""
     return SharedValues(V.dofmap.index_map).marked(facet_closures(V, facets))
 
 
