@@ -72,8 +72,8 @@ class Attempt:
         floats: whether the attempt ended because nothing prevented a rigid motion of a body.
         evaluation: evaluation of H at the solution, from which the result is computed; None if H
             must be evaluated again.
-        series: further values reported by an algorithm, by name: lists with one value per iterate
-            unless the algorithm states otherwise.
+        series: further values reported by an algorithm, by name; one per iterate unless the
+            algorithm states otherwise.
     """
 
     strategy: str
@@ -100,10 +100,7 @@ class Attempt:
 
     @property
     def cost(self) -> float:
-        """Cost in units of a Newton step.
-
-        Each residual evaluation beyond one per iterate costs a quarter of a step.
-        """
+        """Cost in Newton steps; each residual evaluation beyond one per iterate costs a quarter."""
         return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
 
     def gives_up(self) -> bool:
@@ -120,9 +117,7 @@ class Attempt:
 
 
 class ConvergenceError(RuntimeError):
-    """Error raised if no strategy solves the problem.
-
-    The Functions of the caller are unchanged.
+    """Error raised if no strategy solves the problem; Functions of the caller are unchanged.
 
     Attributes:
         attempts: attempts of the strategies.

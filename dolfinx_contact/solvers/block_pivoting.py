@@ -2,14 +2,13 @@
 """Pivoting: solve H = 0 with fixed statuses, then change the statuses that the solution violates.
 
 Block principal pivoting with a safeguard (Judice and Pires, Computers & Operations Research 21,
-1994). A contact point *objects* if its status required by the solution differs from its prescribed
-status.
+1994). A contact point *objects* if the solution requires a status other than the prescribed one.
 
 1. Solve H = 0 with prescribed statuses.
 2. As long as the number of objecting points reaches new minima, all of them change their status.
-3. After some rounds without a new minimum, only one point changes its status in each round: the
-   last objecting point in the order of coordinates (Murty's rule). If its slip is to be reversed,
-   it first sticks for one round.
+3. After some rounds without a new minimum, only the last objecting point in the order of
+    coordinates changes its status (Murty's rule). To reverse its slip, it first sticks for one
+    round.
 
 For a linear body in 2D and small friction each round is a step of a method for linear
 complementarity problems that is known to terminate.
@@ -36,13 +35,7 @@ _PATIENCE = 4  # rounds without a new minimum of objections before single change
 
 
 def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve by pivoting, and return whether a solution was found. Collective.
-
-    Args:
-        solver: Newton's method.
-        x: start, which is overwritten.
-        attempt: attempt recording the iterates.
-    """
+    """Solve by pivoting from ``x``, which is overwritten; return success. Collective."""
     eq = solver.equations
     points = sum(s.points.number_everywhere for s in eq.surfaces)
     fewest = points + 1
@@ -76,12 +69,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def _by_stick(required: Codes, prescribed: Codes) -> Codes:
-    """Return the required statuses, but stick at points whose slip would be reversed.
-
-    Args:
-        required: statuses required by the solution.
-        prescribed: statuses with which the solution was computed.
-    """
+    """Return the required statuses, but stick at points whose slip would be reversed."""
     before = senses(prescribed)
     after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
@@ -89,12 +77,7 @@ def _by_stick(required: Codes, prescribed: Codes) -> Codes:
 
 
 def _last(eq: ContactEquations, objecting: list[Mask]) -> list[Mask]:
-    """Return the mask of the last objecting point, in the order of coordinates. Collective.
-
-    Args:
-        eq: contact problem.
-        objecting: mask of the objecting points of each surface.
-    """
+    """Return the mask of the last objecting point, in the order of coordinates. Collective."""
     keys = []
     for i, (s, o) in enumerate(zip(eq.surfaces, objecting, strict=True)):
         places = np.asarray(np.round(s.positions / eq.body_size, 9))

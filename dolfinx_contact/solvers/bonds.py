@@ -39,14 +39,15 @@ _ROUNDS = 2000  # largest number of rounds
 
 
 def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve with decreasing bond strengths, and return whether a solution was found.
-
-    Collective.
+    """Solve from ``x``, which is overwritten, with decreasing bond strengths. Collective.
 
     Args:
         solver: Newton's method.
         x: start, which is overwritten.
         attempt: attempt recording the iterates.
+
+    Returns:
+        Whether a solution was found.
     """
     eq = solver.equations
     strengths = [
@@ -95,13 +96,7 @@ def _solve(frozen: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
-    """Reduce bond strengths to those that the law gives at a state. Collective.
-
-    Args:
-        eq: contact problem.
-        x: unknowns of the state.
-        strengths: strengths of the bonds of each surface, which are replaced; None for laws whose
-            bonds do not weaken.
+    """Reduce bond strengths, in place, to the strengths by the law at a state. Collective.
 
     Returns:
         Largest change of a strength.

@@ -48,10 +48,7 @@ class ClosedPoints:
 
     @classmethod
     def of(cls, eq: ContactEquations, evaluation: Evaluation) -> ClosedPoints:
-        """Return the closed nodes and points of an evaluation. Collective.
-
-        For surfaces without closed points they are guessed.
-        """
+        """Return the closed nodes and points, guessed for surfaces without any. Collective."""
         V = eq.V
         bs = V.dofmap.index_map_bs
         nodes: list[Indices] = [np.zeros(0, dtype=np.int32)]
@@ -91,16 +88,15 @@ class ClosedPoints:
     def springs(
         self, equations: ContactEquations, stiffness: PETSc.Mat, evaluation: Evaluation
     ) -> PETSc.Mat | None:
-        """Return the stiffness of springs at the closed points of pairs; None without pairs.
+        """Return the stiffness of springs at closed points, or None without pairs. Collective.
 
-        The springs join the opposing nodes of both bodies. The matrix has the numbering of the
-        stiffness of the body. Collective.
+        The springs join opposing nodes of both bodies, in the numbering of the stiffness of the
+        body.
 
         Args:
             equations: contact problem.
             stiffness: stiffness of the body.
-            evaluation: evaluation that contains the operators from displacements to jumps, which
-                depend on the state for sliding faces.
+            evaluation: evaluation with the operators from displacements to jumps.
         """
         pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
         if not pairs:
@@ -126,9 +122,7 @@ class ClosedPoints:
 
 
 def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints, Array]:
-    """Return springs at joined points as rows, columns and values of matrix entries.
-
-    Collective.
+    """Return springs at joined points as rows, columns, values of matrix entries. Collective.
 
     Args:
         B: scalar matrix from nodes to points with the weights of the jumps; its rows are scaled.

@@ -2,11 +2,10 @@
 """Multigrid hierarchy of the stiffness, which remains in use when statuses change.
 
 The hierarchy is an algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid
-motions as near null space. It is built from the stiffness with the currently closed nodes fixed, or
-joined in pairs (`closed_points`). Statuses may change afterwards, because the surface filter
-(`surface_filter`) corrects the resulting errors at the contact nodes. Aggregates of GAMG are plain
-(`PLAIN`) or smoothed (`SMOOTHED`). Smoothed aggregates cost more in the set-up and need fewer
-iterations.
+motions as near null space. It is built from the stiffness with all currently closed nodes fixed, or
+joined in pairs (`closed_points`). Statuses may change afterwards, because the `surface_filter`
+corrects the resulting errors at the contact nodes. Aggregates of GAMG are plain (`PLAIN`) or
+smoothed (`SMOOTHED`). Smoothed aggregates cost more in the set-up and need fewer iterations.
 
 In a time step, the mass may make the matrix so well conditioned that a hierarchy costs more time
 than it saves. A polynomial preconditioner of low degree is then used instead.
@@ -222,13 +221,9 @@ class Hierarchy:
         return self.pc
 
     def _shrink(self, pc: PETSc.PC, free: bool) -> None:
-        """Reduce the memory of the hierarchy. Collective.
+        """Store only half of the first coarse matrix, and free data of the set-up. Collective.
 
-        Only half of the first coarse matrix is kept, and data of the set-up are freed.
-
-        Args:
-            pc: preconditioner after its set-up.
-            free: whether to free the finest matrix, because `_products` provides its diagonal.
+        ``free`` also frees the finest matrix, because `_products` provides its diagonal.
         """
         levels = pc.getMGLevels()
         for level in range(levels - 1):
@@ -249,9 +244,7 @@ class Hierarchy:
             self.matrix = None
 
     def set_up(self, pc: PETSc.PC) -> None:
-        """Set up a PC with the options of the hierarchy; its operators are already set.
-
-        Collective.
+        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
 
         Raises:
             ValueError: on every rank, if hypre is chosen and PETSc was built without it.
@@ -274,10 +267,9 @@ class Hierarchy:
 
 
 class _IdentityRows:
-    """Context of a matrix-free Mat: a matrix with some rows and columns of a scaled identity.
+    """Context of a matrix-free Mat: a symmetric matrix with rows and columns of a scaled identity.
 
-    The symmetric matrix and a work vector are composed with the Mat, so that PETSc frees them on
-    all ranks.
+    Matrix and work vector are composed with the Mat, so that PETSc frees them on all ranks.
 
     Args:
         rows: owned local indices of the replaced rows.
@@ -315,9 +307,9 @@ def _with_identity_rows(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.M
 
 
 def condition(A: PETSc.Mat, steps: int) -> float:
-    """Return a lower bound of the condition number of a matrix after diagonal scaling.
+    """Return a lower bound of the condition number after diagonal scaling. Collective.
 
-    It is the ratio of the extreme Ritz values of conjugate gradients. Collective.
+    It is the ratio of the extreme Ritz values of conjugate gradients.
 
     Args:
         A: symmetric positive definite matrix.
@@ -340,9 +332,9 @@ def condition(A: PETSc.Mat, steps: int) -> float:
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
     """Return the rigid motions of the body as a PETSc null space, and its vectors. Collective.
 
-    For a body of revolution, the rigid motions of its section are used, because the circumferential
-    strain that they cause is small in each cell compared with the other strains. With only the
-    axial translation, the one true rigid motion, Krylov solves stagnate (measured).
+    For a body of revolution they are the rigid motions of its section, whose circumferential strain
+    is small in each cell. With only the axial translation, the one true rigid motion, Krylov solves
+    stagnate (measured).
     """
     index_map = V.dofmap.index_map
     n = index_map.size_local

@@ -3,11 +3,10 @@
 
 The solver ``direct`` (`AssembledSolver`) is any KSP and PC on the assembled Jacobian, by default
 the LU factorisation of MUMPS. The solver ``amg`` is `multigrid.Multigrid`. The option
-``linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. With ``auto``, the direct solver is
-chosen for up to 10^5 unknowns in 2D or 5 10^3 in 3D, for problems with rigid bodies, and if the
-user sets ``ksp_type`` or ``pc_type``; otherwise multigrid is chosen. If multigrid was chosen
-automatically and stagnates, the direct solver is used instead, provided that the free memory
-suffices.
+``linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. ``auto`` chooses the direct solver
+for up to 10^5 unknowns in 2D or 5 10^3 in 3D, for rigid bodies, and if the user sets ``ksp_type``
+or ``pc_type``; otherwise it chooses multigrid. If this stagnates, the direct solver is used
+instead, provided that the free memory suffices.
 """
 
 from __future__ import annotations
@@ -159,9 +158,10 @@ class LinearSolverChoice:
         return Multigrid(eq)
 
     def fall_back_to_direct(self) -> bool:
-        """Replace multigrid by the direct solver, and return whether this was done.
+        """Replace multigrid, if chosen by ``auto``, by the direct solver if the memory suffices.
 
-        It is done only if multigrid was chosen automatically and the free memory suffices.
+        Returns:
+            Whether it was replaced.
         """
         eq = self._equations
         given = (eq.options.value("linear_solver") or "auto") != "auto"
@@ -186,21 +186,13 @@ class LinearSolverChoice:
 
 
 def _gigabytes(size: int, dim: int) -> float:
-    """Return the predicted memory of the direct solver in 10^9 bytes.
-
-    Args:
-        size: number of unknowns.
-        dim: spatial dimension.
-    """
+    """Return the predicted memory of the direct solver for ``size`` unknowns, in 10^9 bytes."""
     factor, power = _DIRECT_MEMORY[dim]
     return float(factor * size**power)
 
 
 def _free_gigabytes(comm: MPI.Comm) -> float:
-    """Return the sum of the free memory of all hosts in 10^9 bytes; inf if unknown.
-
-    Collective.
-    """
+    """Return the free memory of all hosts in 10^9 bytes; inf if unknown. Collective."""
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)
     mine = 0.0
     if host.rank == 0:

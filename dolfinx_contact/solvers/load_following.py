@@ -2,8 +2,7 @@
 """Last strategy of a solve: trace the solution branch from zero load to the full load.
 
 The applied fraction s of the load grows from 0 to 1, as in `ContactEquations.ramped`. Where the
-branch turns back in s, no solution is found after an increment of the load, but the branch can be
-traced around such folds.
+branch turns back in s, load increments fail, but the branch can be traced around the fold.
 """
 
 from __future__ import annotations
@@ -70,16 +69,13 @@ class Loaded(ParametricEquations):
 
 
 def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Trace the branch of solutions while the applied fraction of the load grows.
+    """Trace the branch of solutions under a growing load; return whether full load was reached.
 
     Args:
         solver: Newton's method; its maximum number of iterations also applies at points of the
             branch.
         x: start; receives the solution.
         attempt: attempt recording the reason for a failure.
-
-    Returns:
-        Whether the full load was reached.
     """
     most = solver.max_iterations
     if most < 1:

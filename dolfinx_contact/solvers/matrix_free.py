@@ -4,13 +4,12 @@
     J = [ K  0 ] + S,    S = [ 0  B ]
         [ 0  0 ]             [ C  L ]
 
-The blocks belong to the displacements and the multipliers. K is the stiffness of the body, which is
-assembled only once for a linear body. S contains the contact terms: the forces B of the
-multipliers, and the derivatives C and L of the contact laws (`equations.jacobian`). S has nonzero
-rows only at contact nodes and multipliers, and is assembled on the contact facets at every change
-of status. In large sliding, its sparsity pattern changes with each search for opposing facets.
-Dirichlet rows of J are those of the identity times a typical stiffness; Dirichlet columns are zero
-off the diagonal.
+The blocks belong to displacements and multipliers. K is the stiffness of the body; for a linear
+body it is assembled once. S contains the forces B of the multipliers, and the derivatives C and L
+of the contact laws (`equations.jacobian`). It has nonzero rows only at contact nodes and
+multipliers, and is assembled on the contact facets at every change of status. In large sliding its
+sparsity pattern changes with each search for opposing facets. Dirichlet rows of J are rows of the
+identity times a typical stiffness; Dirichlet columns are zero off the diagonal.
 """
 
 from __future__ import annotations
@@ -68,10 +67,9 @@ class ContactOperator:
         self.update_contact(evaluation)
 
     def update_contact(self, evaluation: Evaluation) -> None:
-        """Assemble only the contact terms at an evaluation. Collective.
+        """Assemble only the contact terms; the stiffness of a nonlinear body is then out of date.
 
-        For a nonlinear body, the stiffness is out of date afterwards. In large sliding, `contact`
-        may be a new matrix after this call.
+        In large sliding, `contact` may be a new matrix after this call. Collective.
         """
         if self._terms.changed:
             self.contact.destroy()

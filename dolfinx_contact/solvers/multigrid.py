@@ -74,9 +74,8 @@ _NEGLIGIBLE = 0.01  # share of the residual on the surface below which it is not
 class Multigrid(LinearSolver):
     """Krylov solver of the Jacobian with all multipliers, preconditioned by `SurfaceFilter`.
 
-    Operator (`matrix`) and preconditioner act only on the derivative of H with respect to x. A
-    bordered system of the continuation can therefore use them as the leading blocks of its own
-    operator and preconditioner.
+    Operator (`matrix`) and preconditioner belong to the derivative of H with respect to x, so that
+    bordered systems of the continuation can use them as leading blocks.
 
     Args:
         equations: contact problem.
@@ -165,10 +164,7 @@ class Multigrid(LinearSolver):
         return self
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Apply the preconditioner set by `update` to ``r``, and write the result into ``z``.
-
-        Collective.
-        """
+        """Apply the preconditioner of the last `update` to ``r``; write to ``z``. Collective."""
         self.filter.apply(r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
@@ -178,11 +174,11 @@ class Multigrid(LinearSolver):
         z.array[s] = self.filter.solve(r.array_r[s])
 
     def determinant_sign(self) -> float:
-        """Return the sign of the determinant of the preconditioner, up to a constant factor.
+        """Return the sign of the preconditioner's determinant, up to a constant factor. Collective.
 
         The preconditioner eliminates the unknowns of the contact surface exactly. On the remaining
-        unknowns it is a multigrid cycle, which is symmetric and positive definite, so that the
-        surface block determines the sign. Collective.
+        unknowns it is a symmetric positive definite multigrid cycle, so that the surface block
+        determines the sign.
         """
         assert self.filter.block is not None
         return self.filter.block.factor.determinant_sign
@@ -230,20 +226,16 @@ class Multigrid(LinearSolver):
             self.build(evaluation)
 
     def _smooth(self) -> bool:
-        """Replace plain by smoothed aggregates in the next hierarchy, if possible.
-
-        Returns:
-            Whether this was possible.
-        """
+        """Switch from plain to smoothed aggregates; return whether this was possible."""
         if not self.hierarchy.may_smooth:
             return False
         self.hierarchy.interpolation = SMOOTHED
         return True
 
     def build(self, evaluation: Evaluation) -> None:
-        """Build the hierarchy with the closed points of an evaluation. Collective.
+        """Build the hierarchy for the closed points of an evaluation. Collective.
 
-        For surfaces without closed points, closed points are guessed.
+        Closed points are guessed for surfaces without any.
         """
         A = self.operator
         self._closed = ClosedPoints.of(self._equations, evaluation)
@@ -291,11 +283,7 @@ class Multigrid(LinearSolver):
     ) -> None:
         """Build a new hierarchy if it is expected to save more than it costs. Collective.
 
-        Args:
-            step: latest Newton iterate.
-            digits: decimal digits by which the last linear solve has reduced the residual.
-            target: relative residual at which Newton's method ends.
-            evaluation: evaluation at the iterate.
+        ``digits`` are the decimal digits by which the last linear solve has reduced the residual.
         """
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
@@ -306,11 +294,7 @@ class Multigrid(LinearSolver):
             self.build(evaluation)
 
     def _is_stale(self, evaluation: Evaluation) -> bool:
-        """Return whether a hierarchy built now would differ from the current one. Collective.
-
-        Args:
-            evaluation: evaluation for which the hierarchy would be built.
-        """
+        """Return whether a hierarchy built now would differ from the current one. Collective."""
         moved = ClosedPoints.of(self._equations, evaluation).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
         return any_rank(self.comm, moved or other)

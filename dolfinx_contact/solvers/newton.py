@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Semismooth Newton method for H(x) = 0, using SNES of PETSc.
 
-At every iterate, the statuses are determined from the unknowns before residual and Jacobian are
-evaluated, so that the Jacobian is an element of the generalised Jacobian of H. The only exceptions
-are statuses prescribed by the caller, and the first step of a body without contact, which uses
-guessed statuses. Convergence is tested separately for each kind of residual (`equations.measures`).
-Full steps that return to earlier statuses are stopped as a cycle.
+At every iterate, statuses are determined from the unknowns before residual and Jacobian are
+evaluated, so that the Jacobian is an element of the generalised Jacobian of H. Exceptions are
+statuses prescribed by the caller, and guessed statuses in the first step of a body without contact.
+Convergence is tested for each kind of residual (`equations.measures`). Full steps returning to
+earlier statuses are stopped as a cycle.
 
-SNES requests residual, Jacobian and convergence test in separate calls, each for given unknowns.
-Every call obtains the evaluation at its unknowns from `_Run.at`, which evaluates H only once for
-equal unknowns. Hence no call depends on the calls before it.
+SNES requests residual, Jacobian and convergence in separate calls, each for given unknowns. Every
+call takes the evaluation from `_Run.at`, which evaluates H only once for equal unknowns, so that no
+call depends on the calls before it.
 """
 
 from __future__ import annotations
@@ -91,13 +91,10 @@ class LinearSolver(JacobianSolver):
         """
 
     def retry(self, evaluation: Evaluation) -> bool:
-        """Provide another preconditioner after a failed solve. Collective.
+        """Return whether another preconditioner is available after a failed solve. Collective.
 
         Args:
             evaluation: evaluation at the iterate of the failed step.
-
-        Returns:
-            Whether another preconditioner is available.
         """
         return False
 
@@ -110,11 +107,7 @@ class LinearSolver(JacobianSolver):
         return ""
 
     def tighten(self) -> bool:
-        """Tighten the tolerances of linear solves after a cycle of statuses.
-
-        Returns:
-            Whether this was possible.
-        """
+        """Tighten linear tolerances after a cycle of statuses; return whether this was possible."""
         return False
 
 
@@ -162,7 +155,7 @@ class _Run:
 
 
 class Newton:
-    """Semismooth Newton method for a contact problem, a context manager that owns the SNES.
+    """Semismooth Newton method for a contact problem, a context manager owning the SNES.
 
     All methods are collective. All runs use the same force and length scales for the residual.
 
@@ -307,11 +300,7 @@ class Newton:
         return self.run(x, attempt)
 
     def _retry(self, y: PETSc.Vec) -> None:
-        """Continue with other preconditioners as long as linear solves fail.
-
-        Args:
-            y: latest iterate, from which the run continues.
-        """
+        """Continue from ``y`` with other preconditioners as long as linear solves fail."""
         for again in range(_RETRIES):
             # A preconditioner that failed in its first step is not worth another of its kind.
             useless = again > 0 and self.snes.getIterationNumber() == 0
@@ -346,10 +335,7 @@ class Newton:
         self.linear.prepare(self.snes.getKSP(), step, self.tolerance, evaluation, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Correct the contact unknowns after the full Newton step from ``x``.
-
-        The full step leads to x - step; ``step`` is changed by the correction (`_inexact.settle`).
-        """
+        """Correct the contact unknowns after the full step x - step by changing ``step``."""
         run = self._run
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
@@ -385,11 +371,7 @@ class Newton:
     # -- convergence -----------------------------------------------------------------------------
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
-        """Record an iterate and test convergence for SNES.
-
-        Returns:
-            Converged reason of SNES; 0 to continue.
-        """
+        """Record an iterate; return 0 to continue or the SNES reason to stop."""
         run = self._run
         evaluation = run.at(snes.getSolution())
         measures = self._measure(evaluation)
@@ -438,9 +420,9 @@ class Newton:
     def _measure(self, evaluation: Evaluation) -> Measures:
         """Return the relative residuals of a state.
 
-        The scales include forces and lengths of the start, and relative to a distant start any
-        residual is small. Therefore, if an apparently converged state has scales a million times
-        smaller, its own scales are used from then on.
+        The scales include forces and lengths of the start. If the scales of an apparently converged
+        state are a million times smaller, these are used from then on, because any residual is
+        small relative to a distant start.
         """
         measures, self.scales = measure(self.equations, evaluation, self.scales)
         if measures.worst <= self.tolerance:
@@ -457,13 +439,8 @@ class Newton:
 
         Without a guess, the first step would move such a body into the obstacle, and in the second
         step all points inside the obstacle would be closed. Therefore points that are expected to
-        close stick in the first step. With a line search, which needs the Newton step that belongs
-        to the statuses of the iterate, and with prescribed statuses, statuses are guessed only if a
-        body could move rigidly.
-
-        Args:
-            statuses: statuses of the start.
-            evaluation: evaluation of the start.
+        close stick in the first step. With a line search, which needs the statuses of the iterate,
+        or prescribed statuses, guesses are made only if a body could move rigidly.
         """
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, evaluation)
@@ -489,12 +466,7 @@ class Newton:
         return bool(loose)
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
-        """Return whether earlier statuses recur although the residual has not been halved.
-
-        Args:
-            statuses: statuses of the latest iterate.
-            worst: largest relative residual of the latest iterate.
-        """
+        """Return whether earlier statuses recur although the residual has not been halved."""
         others = [
             worst <= 0.5 * old_worst or any(c.any() for c in differs(statuses, old))
             for old, old_worst in self._run.history[:-1]
@@ -502,14 +474,9 @@ class Newton:
         return not all(anywhere(self.comm, *others))
 
     def _at_round_off(self, statuses: Statuses, worst: float) -> str:
-        """Return a message if the residual cannot decrease further because of round-off.
+        """Return a message if round-off prevents a further decrease of the residual, else "".
 
-        This is assumed if the residual is small and no status has changed in the last steps. The
-        message is empty otherwise.
-
-        Args:
-            statuses: statuses of the latest iterate.
-            worst: largest relative residual of the latest iterate.
+        This is assumed if the residual is small and no status has changed in the last steps.
         """
         last = [old for old, _ in self._run.history[-2:]]
         changed = any(c.any() for old in last for c in differs(statuses, old))
@@ -544,18 +511,7 @@ class Newton:
 def _restless(
     equations: ContactEquations, before: Statuses, after: Statuses
 ) -> dict[str, list[list[float]]]:
-    """Return coordinates of points whose status changed, at most five per surface.
-
-    Collective.
-
-    Args:
-        equations: contact problem.
-        before: statuses of the previous iterate.
-        after: statuses of the latest iterate.
-
-    Returns:
-        Coordinates by name of the surface.
-    """
+    """Return coordinates of points whose status changed, at most five per surface. Collective."""
     places = {}
     for s, changed in zip(equations.surfaces, differs(before, after), strict=True):
         everyone = sorted_rows(equations.comm, s.positions[changed])

@@ -205,14 +205,9 @@ def _listed(places: Sequence[Sequence[float]]) -> str:
 
 
 def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -> str:
-    """Return the error message of a failed solve: possible causes, and all attempts.
+    """Return the error message of a failed solve: possible causes, and all attempts. Collective.
 
-    Collective.
-
-    Args:
-        eq: contact problem.
-        attempts: attempts of all strategies.
-        failed: whether the solve was ended by a failure of an iterative solver chosen by options.
+    ``failed`` indicates a failure of an iterative solver chosen by options, which ended the solve.
     """
     lines = ["the contact problem was not solved:"]
     if eq.bulk.linear:
@@ -283,15 +278,7 @@ class _Strategy:
         x: PETSc.Vec,
         attempt: Attempt,
     ) -> bool:
-        """Apply the strategy, and return whether it found a solution. Collective.
-
-        Args:
-            eq: contact problem.
-            linear: linear solver of the problem.
-            monitor: function called with every Newton iterate.
-            x: start, which is overwritten.
-            attempt: attempt recording the iterates.
-        """
+        """Apply the strategy from ``x``, which is overwritten; return success. Collective."""
         run = self.run
         with eq.scaling.automatic() if self.automatic else nullcontext():
             while True:
@@ -352,15 +339,9 @@ def strategies(
 
 
 def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
-    """Run Newton's method from given unknowns, and return whether a solution was found.
+    """Run Newton's method from given unknowns, and return success.
 
-    Unknowns that turn the body inside out, or whose residual is not finite, are rejected.
-
-    Args:
-        solver: Newton's method.
-        x: vector that receives the solution.
-        attempt: attempt recording the iterates.
-        unknowns: owned unknowns at the start.
+    Unknowns that turn the body inside out, or have a non-finite residual, are rejected.
     """
     eq = solver.equations
     x.array[:] = unknowns
@@ -389,20 +370,16 @@ def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
-    """Apply the load in increments (`ContactEquations.ramped`). Collective.
+    """Apply the load in increments (`ContactEquations.ramped`); return success. Collective.
 
-    If no solution is found after an increment, or if the increment turns the body inside out, it is
-    repeated with a quarter of its size. After a successful increment, the next one is twice as
-    large.
+    An increment that fails or turns the body inside out is quartered; the increment after a
+    successful one is doubled.
 
     Args:
         solver: Newton's method.
         x: start; receives the solution.
         attempt: attempt recording the iterates.
         increments: initial number of increments.
-
-    Returns:
-        Whether the full load was reached.
     """
     eq = solver.equations
     first = step = 1.0 / increments

@@ -5,17 +5,16 @@ With the displacements u of the contact nodes c and the multipliers l, the block
 
     K_cc u + J_cl l = r_c,    J_lc u + J_ll l = r_l,
 
-where K_cc is the stiffness of the contact nodes, r_c and r_l are the right-hand sides, and
-J_cl = -B^T W E, J_lc = -E^T W D_j B and J_ll = E^T W (I - D_t) E are the contact terms
-(`equations.jacobian` defines the symbols). `SurfaceBlock` factorises the block without changes. In
-nodal contact J_cl is diagonal, so that l = J_cl^-1 (r_c - K_cc u) is cheap. `CondensedBlock` then
-factorises the condensed system, whose only unknowns are the displacements:
+with the stiffness K_cc of the contact nodes, the right-hand sides r_c and r_l, and the contact
+terms J_cl = -B^T W E, J_lc = -E^T W D_j B and J_ll = E^T W (I - D_t) E (`equations.jacobian`).
+`SurfaceBlock` factorises it without changes. In nodal contact J_cl is diagonal, so that l = J_cl^-1
+(r_c - K_cc u) is cheap, and `CondensedBlock` factorises the condensed system of the displacements:
 
     (J_lc - J_ll J_cl^-1 K_cc) u = r_l - J_ll J_cl^-1 r_c
 
-in the rows of dofs with a multiplier, and K_cc u = r_c in the other rows. Let the 0-1 matrix T map
-each multiplier to its dof, let P be J_cl^-1 (0 for dofs without a multiplier), and let
-Q = I - J_cl P - T J_ll P. The condensed system is then
+in the rows of dofs with a multiplier, and K_cc u = r_c in the others. If the 0-1 matrix T maps each
+multiplier to its dof, P = J_cl^-1 (0 for dofs without a multiplier), and Q = I - J_cl P - T J_ll P,
+the system is
 
     (T J_lc + Q K_cc) u = T r_l + Q r_c.
 """
@@ -80,8 +79,8 @@ class SurfaceSet:
 class SurfaceBlock:
     """Direct solver of the block of the Jacobian on the unknowns of the contact surfaces.
 
-    The unknowns are displacements and multipliers, which may be coupled in any way. If each
-    multiplier acts on one dof only, `CondensedBlock` solves a system of half the size.
+    Displacements and multipliers may be coupled in any way. If each multiplier acts on one dof
+    only, `CondensedBlock` solves a system of half the size.
 
     Args:
         operator: Jacobian.
@@ -105,8 +104,7 @@ class SurfaceBlock:
         """Set the stiffness of the contact nodes. Collective.
 
         Args:
-            square: rows and columns of the contact nodes in the stiffness, in the order of the
-                surface unknowns.
+            square: rows and columns of these nodes, in the order of the surface unknowns.
         """
         rows, columns, values = triplets(square)
         n = len(self._s.local)
@@ -155,26 +153,14 @@ class SurfaceBlock:
         destroy(self.factor, *self._made.values())
 
     def _copy(self, name: str, A: PETSc.Mat) -> None:
-        """Store a copy of a matrix under a name. Collective.
-
-        If a matrix is already stored under this name, its storage is reused.
-        """
+        """Store a copy of a matrix under a name, reusing its storage. Collective."""
         if name in self._made:
             A.copy(self._made[name], structure=_STRUCTURE.SAME_NONZERO_PATTERN)
         else:
             self._made[name] = _keeping_pattern(A.copy())
 
     def _add(self, name: str, first: str, a: float, second: str) -> None:
-        """Store the sum A + a B of two stored matrices under a name. Collective.
-
-        If a matrix is already stored under this name, its storage is reused.
-
-        Args:
-            name: name of the sum.
-            first: name of A.
-            a: factor of B.
-            second: name of B.
-        """
+        """Store A + a B of two stored matrices under a name, reusing its storage. Collective."""
         A = self._made[first]
         B = self._made[second]
         if name not in self._made:
@@ -255,8 +241,7 @@ class CondensedBlock(SurfaceBlock):
     def update(self) -> None:
         """Condense and factorise the block for the current values of the Jacobian. Collective.
 
-        Sparsity patterns never change, so products, sums and the symbolic factorisation are set up
-        only once.
+        Sparsity patterns never change: products, sums and symbolic factorisation are set up once.
         """
         contact = self._operator.contact
         s = self._s
@@ -272,10 +257,7 @@ class CondensedBlock(SurfaceBlock):
         self._factorise(self._without_dirichlet("block"))  # also with Dirichlet columns of J_lc
 
     def _multiply(self, name: str, first: str, second: str) -> None:
-        """Store the product of two stored matrices under a name. Collective.
-
-        If a matrix is already stored under this name, its storage is reused.
-        """
+        """Store the product of stored matrices under a name, reusing its storage. Collective."""
         A = self._made[first]
         self._made[name] = A.matMult(self._made[second], self._made.get(name))
 
@@ -314,10 +296,7 @@ def _keeping_pattern(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """Return a copy of a matrix without stored zeros, whose factorisation is sparser.
-
-    Collective.
-    """
+    """Return a matrix without stored zeros, which makes its factors sparser. Collective."""
     indptr, columns, values = A.getValuesCSR()
     kept = values != 0
     before = np.concatenate([[0], np.cumsum(kept)])
@@ -326,12 +305,7 @@ def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> Indices:
-    """Return local indices of the owned displacement dofs of all contact facets. Collective.
-
-    Args:
-        equations: contact problem.
-        opposite: whether to include the facets of masters.
-    """
+    """Return local indices of the owned displacement dofs of all contact facets. Collective."""
     V = equations.V
     sides = [s.submesh.parent_facets for s in equations.surfaces]
     if opposite:

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Surface filter: preconditioner of a multigrid cycle and exact solves on the contact surface.
 
-Let s denote the displacement dofs of the contact nodes and all multipliers, and let E insert values
-of these unknowns into a vector of all unknowns. With the Jacobian J, the preconditioner maps a
-residual r to z in three steps:
+Let s denote the displacement dofs of the contact nodes and all multipliers, E their inclusion in
+all unknowns, and J the Jacobian. The preconditioner maps a residual r to z in three steps:
 
     z = E A_ss^-1 E^T r,   z += M (r - J z)_u,   z += E A_ss^-1 E^T (r - J z),
 
 where A_ss is the block of J on s, factorised by a sparse LU, the index u selects the displacement
-dofs, and M is a multigrid cycle of the stiffness, which does not depend on the statuses (compare
-the AMG with filtering of Petrides, Hartland, Kolev et al., arXiv:2505.18576). After an application
-the residual r - J z vanishes on s, as if the multipliers were condensed exactly. If a Krylov method
-starts from one application (``-ksp_knoll``), all later residuals vanish on s as well, so that the
-first of the three steps is skipped.
+dofs, and M is a multigrid cycle of the stiffness, independent of the statuses (compare the AMG with
+filtering of Petrides, Hartland, Kolev et al., arXiv:2505.18576). Afterwards the residual r - J z
+vanishes on s, as if the multipliers were condensed exactly. If a Krylov method starts from one
+application (``-ksp_knoll``), all later residuals vanish on s as well, so that the first step is
+skipped.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ class SurfaceFilter:
 
     Attributes:
         cycle: PC of the displacement that approximates the inverse of the stiffness.
-        surface: unknowns of the contact surfaces: displacement dofs and multipliers.
-        block: factorised block of the Jacobian on these unknowns. Multipliers are condensed if
-            possible, unless ``<prefix>surface_condensed 0`` is set.
+        surface: displacement dofs and multipliers of the contact surfaces.
+        block: factorised block of the Jacobian on these unknowns, with condensed multipliers if
+            possible and not disabled by ``<prefix>surface_condensed 0``.
     """
 
     def __init__(self, operator: ContactOperator, prefix: str):
@@ -131,12 +130,11 @@ class SurfaceFilter:
         z.array[s] += self.solve(rest)
 
     def is_on_surface(self, r: PETSc.Vec, share: float) -> bool:
-        """Return whether a residual is not negligible on the contact surface. Collective.
+        """Return whether a residual's norm on the contact surface exceeds a fraction. Collective.
 
         Args:
             r: residual; for NaN the result is False.
-            share: the result is True if the norm of the entries on the surface exceeds this
-                fraction of the norm of all entries.
+            share: fraction of the norm of the whole residual.
         """
         squares = np.array([np.sum(r.array_r[self.surface.local] ** 2), np.sum(r.array_r**2)])
         on_surface, whole = total(self.comm, squares)
