@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Residual and stiffness of a body without contact, reassembled only if necessary.
 
-If the residual is affine in the displacement u (`_ufl`), it equals K u + f with the stiffness K and
-the residual f at u = 0. Both depend only on the user's Functions and Constants, and are reassembled
-only if `read_data` finds that the values of these have changed.
+If the residual is affine in the displacement u (`_ufl`), it equals K u + f with the stiffness K. K
+and f depend only on the user's Functions and Constants, and are reassembled only if `read_data`
+finds that these values have changed.
 
 A residual with kinks is nonlinear. Its derivative is one-sided at a kink, so Newton's method is
-semismooth, as for contact. For a residual with jumps, Newton's method cannot be expected to find a
-solution. Friction must therefore be modelled by the contact law of a surface, not by the bulk form.
+semismooth, as for contact. A residual with jumps has in general no root that Newton's method could
+find; friction must therefore be modelled by the law of a surface.
 """
 
 from __future__ import annotations
@@ -44,9 +44,7 @@ _Fact = TypeVar("_Fact")
 
 
 def circumference(domain: Any) -> Any:
-    """Return 2 pi r, the circumference at a point of the section, as a UFL expression.
-
-    The radius r is the first coordinate of the mesh.
+    """Return the circumference 2 pi r with r = x, a UFL expression.
 
     Args:
         domain: mesh of the section, from DOLFINx or UFL.
@@ -116,10 +114,7 @@ class Stiffness:
         raise NotImplementedError
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned entries of the residual at ``u``, computed from the cached stiffness.
-
-        The result is None if there is no cached stiffness or its data have changed.
-        """
+        """Return the owned residual at ``u`` from the cached stiffness; None if out of date."""
         raise NotImplementedError
 
     def _forget_half(self) -> None:
@@ -155,10 +150,8 @@ class Bulk(Stiffness):
         jacobian_constants: Constants of the stiffness.
         materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
-        kinks: description of the parts of the form with kinks or jumps in ``u``; "" if there are
-            none.
-        stiffness_mark: counter that increases when data in the stiffness change, the same on every
-            rank.
+        kinks: description of the parts of the form with kinks or jumps in ``u``, or "".
+        stiffness_mark: counter of data changes in the stiffness, the same on every rank.
         assemblies: number of assemblies of the stiffness.
 
     Raises:
@@ -253,11 +246,7 @@ class Bulk(Stiffness):
         return [self._ordered[i] for i in functions], [self.constants[i] for i in constants]
 
     def loaded(self, load: ufl.Form) -> Bulk:
-        """Return a copy of this body with an additional load.
-
-        Args:
-            load: linear form that does not contain the displacement.
-        """
+        """Return this body with an additional load: a linear form that does not contain ``u``."""
         own = self.displacement
         if not self.is_energy:
             made = Bulk(self.residual + load, own)
@@ -322,11 +311,10 @@ class Bulk(Stiffness):
         return b.array[: self._owned].copy()
 
     def rate_at(self, u: Array, step: Array) -> Array:
-        """Return the owned entries of K(u) d, the change of the residual with Dirichlet data.
+        """Return the owned entries of K(u) d for an increment d of Dirichlet data. Collective.
 
-        K(u) is the stiffness at the displacement u, and d the increment of the displacement at
-        Dirichlet dofs. Unless K is up to date, only cells with dofs at which d is nonzero are
-        assembled. Collective.
+        Unless the stiffness K is up to date, only cells with dofs at which d is nonzero are
+        assembled.
 
         Args:
             u: displacement.
@@ -349,10 +337,10 @@ class Bulk(Stiffness):
         return fem.Function(self._V)
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned entries of the residual K u + f of a linear body. Collective.
+        """Return the owned residual of a linear body from the cached stiffness. Collective.
 
-        K is the cached stiffness and f the residual at u = 0. The result is None if the body is
-        nonlinear, or if K is not up to date: assembly of the residual is then cheaper.
+        None if the body is nonlinear or the stiffness is not up to date: assembly of the residual
+        is then cheaper.
         """
         f = self.affine_load()
         return None if f is None else self.times(u) + f
@@ -360,9 +348,8 @@ class Bulk(Stiffness):
     def affine_load(self) -> Array | None:
         """Return the owned entries of the residual of a linear body at u = 0. Collective.
 
-        The result is None if the body is nonlinear or the cached stiffness is not up to date. The
-        array is cached and must not be modified by the caller. If the data have changed, a new
-        array is created.
+        None if the body is nonlinear or the cached stiffness is not up to date. The array is cached
+        and must not be modified; if the data have changed, a new one is created.
         """
         if not self._is_current:
             return None
@@ -377,8 +364,8 @@ class Bulk(Stiffness):
     def stiffness(self, u: Array) -> PETSc.Mat:
         """Return the derivative of the residual at ``u``, without Dirichlet conditions. Collective.
 
-        The matrix is reassembled only if its data have changed or, for a nonlinear body, if ``u``
-        has changed. It is owned by this object: the caller must neither modify nor destroy it.
+        The matrix is reassembled only if its data (or ``u``, for a nonlinear body) have changed. It
+        is owned by this object: the caller must neither modify nor destroy it.
         """
         self.displacement.x.array[:] = u
         mark = self.stiffness_mark, 0 if self.linear else checksum([self.displacement])

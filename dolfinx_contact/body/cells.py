@@ -70,10 +70,6 @@ def check_cells(domain: mesh.Mesh) -> None:
 def _first(domain: mesh.Mesh, cells: Ints) -> tuple[int, Array]:
     """Find the cell with the smallest input index among given cells of all ranks. Collective.
 
-    Args:
-        domain: mesh.
-        cells: local indices of cells on this rank; empty on some ranks, but not on all.
-
     Returns:
         Index of the cell in the input, and midpoint of the cell.
     """
@@ -131,9 +127,7 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> Ints:
-    """Return the number of cells that contain each point, shape (n,). Collective.
-
-    Cells of all ranks are counted.
+    """Return the number of cells, of all ranks, that contain each point, shape (n,). Collective.
 
     Args:
         domain: mesh whose cells are counted.
@@ -185,11 +179,7 @@ def basis(element: Any, points: Array) -> tuple[Array, Array]:
 
 
 def determinants(J: Array) -> Array:
-    """Return the determinants of matrices, shape (...,).
-
-    Args:
-        J: matrices, shape (..., 2, 2) or (..., 3, 3).
-    """
+    """Return the determinants of matrices, shape (..., 2, 2) or (..., 3, 3)."""
     a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
     if len(a) == 2:
         return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
@@ -232,9 +222,9 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
 
 
 def _gradients_of(values: Array, table: Array) -> Array:
-    """Return the gradients of a vector field at the reference points of n cells.
+    """Return the reference gradients of a vector field at points of n cells.
 
-    The derivatives are those with respect to reference coordinates, shape (n, points, dim, dim).
+    Shape (n, points, dim, dim).
 
     Args:
         values: values at the nodes of the cells, shape (n, nodes, dim).
@@ -251,19 +241,17 @@ def _gradients_of(values: Array, table: Array) -> Array:
 def smallest_jacobian(
     V: fem.FunctionSpace, u: Array, *, vertices: bool = True, axisymmetric: bool = False
 ) -> tuple[float, Array]:
-    """Return the smallest determinant of the deformation gradient, det(I + grad u). Collective.
+    """Return the smallest det(I + grad u), and the midpoint of its cell. Collective.
 
-    The determinant is evaluated at the points of a quadrature rule and, optionally, at the vertices
-    of the cells. On linear simplices it is constant. The midpoint of the cell with the smallest
-    value is also returned. The result is the same on every rank. The value is NaN if the
+    The determinant is evaluated at quadrature points and, optionally, at the vertices of the cells;
+    on linear simplices it is constant. The result is the same on every rank. It is NaN if the
     displacement is not finite, so accept a state only if it is ``> 0``.
 
     Args:
         V: space of the displacement.
         u: displacement at all local dofs, including ghosts.
         vertices: whether the determinant is also evaluated at the vertices.
-        axisymmetric: whether the body is a body of revolution; the determinant then includes the
-            hoop stretch 1 + u_r / r.
+        axisymmetric: whether the body is a body of revolution, with the hoop stretch 1 + u_r / r.
     """
     domain = V.mesh
     dim = domain.geometry.dim
@@ -293,12 +281,7 @@ def smallest_jacobian(
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
-    """Return the smallest value over all cells, and the midpoint of its cell. Collective.
-
-    Args:
-        domain: mesh.
-        values: one value for each owned cell.
-    """
+    """Return the smallest value over all cells, and the midpoint of its cell. Collective."""
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Among equal values, choose the first cell in the order of the input.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0

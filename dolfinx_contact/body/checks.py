@@ -206,10 +206,10 @@ def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
 
 
 def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
-    """Return a message about dofs with contradictory Dirichlet values; "" if there are none.
+    """Return a message about dofs with contradictory Dirichlet values, or "". Collective.
 
-    DOLFINx applies the last condition. Values are considered equal if they differ only by round-off
-    of the largest value. Collective.
+    DOLFINx applies the last condition. Values count as equal if they differ by round-off of the
+    largest value.
 
     Args:
         V: space of the displacement.
@@ -245,10 +245,7 @@ def contradiction(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> str:
 
 
 def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
-    """Return the tags of an integral as a tuple.
-
-    If the integral is over all entities, the only item is the name that UFL gives to these.
-    """
+    """Return the tags of an integral; for an integral over all entities, UFL's name of these."""
     ids = integral.subdomain_id()
     return ids if isinstance(ids, tuple) else (ids,)
 
@@ -256,13 +253,8 @@ def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
 def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
     """Return the number of integrated entities with a tag, and all entities with this tag.
 
-    Tagged facets that do not belong to the measure (``ds`` or ``dS``) are not integrated. Only
-    entities of this rank are counted. Not collective.
-
-    Args:
-        integral: integral over tagged entities.
-        number: tag.
-        domain: mesh.
+    Tagged facets that do not belong to the measure (``ds`` or ``dS``) are not integrated. Not
+    collective.
     """
     data = integral.subdomain_data()
     if not isinstance(data, mesh.MeshTags):

@@ -80,12 +80,12 @@ def inertia_error(
     *,
     axisymmetric: bool,
 ) -> float:
-    """Return the largest relative error of rigid accelerations caused by a mass matrix M.
+    """Return the largest relative error of rigid accelerations by a mass matrix M. Collective.
 
     Let the columns of R be the rigid motions permitted by the Dirichlet conditions, G = R^T M R,
     and G_0 = R^T M_0 R with the consistent mass matrix M_0, which is exact for rigid motions. A
     force that causes the rigid acceleration R a with M_0 causes R G^-1 G_0 a with M. The relative
-    error is the largest abs(c - 1) of all eigenvalues c of G_0 a = c G a. Collective.
+    error is the largest abs(c - 1) of all eigenvalues c of G_0 a = c G a.
 
     Args:
         V: space of the displacement.
@@ -113,8 +113,7 @@ def inertia_error(
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     """Raise ``ValueError`` if a density is not positive. Collective.
 
-    A density may vanish at some points of a cell, but its mean over each cell must be positive, and
-    it must not be negative anywhere.
+    A density may vanish at points of a cell, but not in the mean, and must not be negative.
     """
     domain = V.mesh
     W = fem.functionspace(domain, ("DG", 0))
@@ -145,13 +144,7 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
 
 
 def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: Mask) -> None:
-    """Move the mass of potential contact nodes in M to neighbouring nodes. Collective.
-
-    Args:
-        M: consistent or lumped mass matrix, which is modified.
-        around: consistent mass matrix, whose entries determine how the mass is distributed.
-        touching: mask of the owned dofs of potential contact nodes.
-    """
+    """Move the mass of potential contact nodes in M to neighbouring nodes. Collective."""
     start = M.getOwnershipRange()[0]
     weights = around.copy()
     indptr, indices, values = weights.getValuesCSR()

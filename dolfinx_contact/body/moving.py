@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Residual of a body with inertia in a time step, a drop-in replacement for `Bulk`.
 
-The displacement u and the velocity v satisfy the equation of motion in terms of measures (Jean and
-Moreau, CISM Lectures 304, 1987)
+The equation of motion in terms of measures (Jean and Moreau, CISM Lectures 304, 1987)
 
     M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
     u_1 = u_0 + integral of v dt
 
-from the start t_0 to the end t_1 = t_0 + h of a step, with the mass matrix M, the loads F, the
-internal forces R and the damping matrix C. The first integral is approximated by the theta method,
-h (theta f_1 + (1 - theta) f_0) for an integrand with the values f_0 and f_1 at t_0 and t_1. The
-integral of the contact forces is approximated by the theta method or by the implicit Euler method.
-Multipliers are the contact forces averaged over the step. The unknown is the displacement w that
-enters the contact law. It depends on the integration scheme:
+for displacement u and velocity v is integrated over a step from t_0 to t_1 = t_0 + h, with the mass
+matrix M, loads F, internal forces R and damping matrix C. The first integral is approximated by the
+theta method, h (theta f_1 + (1 - theta) f_0) for an integrand with the values f_0 and f_1 at t_0
+and t_1. The integral of the contact forces is approximated by the theta method or by the implicit
+Euler method. Multipliers are the contact forces averaged over the step. The unknown is the
+displacement w that enters the contact law,
 
     theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
     theta-euler      w = u_1 = u_0 + h v_1
     modified-theta   w = u_1 + h (1 - theta) v_1,  u_1 as in theta
 
-Hence v_1 = (w - w_0)/(a h), where w_0 depends only on the state at the start of the step. The
-factor a is theta for the scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1,
-where k is (1 - theta) for "modified-theta" and 0 otherwise. Divided by h, the equation of motion is
+Hence v_1 = (w - w_0)/(a h), where w_0 depends on the start of the step only; a = theta for the
+scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1 with k = 1 - theta for
+"modified-theta" and 0 otherwise. Divided by h, the equation of motion is
 
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
@@ -52,10 +51,7 @@ Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 @dataclass(frozen=True)
 class TimeStep:
-    """Time step, with the relations between the unknown and the state at the end of the step.
-
-    These are the relations between the unknown w, the displacement u_1 and the velocity v_1 in the
-    module docstring.
+    """Time step, with the relations between unknown, final displacement and final velocity.
 
     Attributes:
         length: duration h of the step.
@@ -69,9 +65,9 @@ class TimeStep:
 
     @property
     def gain(self) -> float:
-        """Factor a in the relation w - w_0 = a h v_1 of the unknown w and the final velocity v_1.
+        """Factor a in w - w_0 = a h v_1, with the unknown w and the final velocity v_1.
 
-        h is the duration of the step, and w_0 is the value of w for v_1 = 0 (`origin`).
+        h is the duration of the step, and w_0 the value of w for v_1 = 0 (`origin`).
         """
         return self.theta if self.scheme == "theta" else 1.0
 
@@ -105,7 +101,7 @@ class TimeStep:
 
         Args:
             w: unknown of the step.
-            w0: value of the unknown for which the final velocity vanishes (`origin`).
+            w0: unknown for which the final velocity is zero (`origin`).
         """
         return np.asarray(self.rate * (w - w0))
 
@@ -114,7 +110,7 @@ class TimeStep:
 
         Args:
             w: unknown of the step.
-            w0: value of the unknown for which the final velocity vanishes (`origin`).
+            w0: unknown for which the final velocity is zero (`origin`).
         """
         return np.asarray(w0 + self.share * (w - w0))
 
@@ -123,15 +119,15 @@ class TimeStep:
 
         Args:
             u: displacement at the end of the step.
-            w0: value of the unknown for which the final velocity vanishes (`origin`).
+            w0: unknown for which the final velocity is zero (`origin`).
         """
         return np.asarray(w0 + (u - w0) / self.share)
 
 
 class MovingBody(Stiffness):
-    """Body with inertia in a time step, with the interface of `Bulk`.
+    """Body with inertia in a time step, with the interface of `Bulk`; the unknown is w.
 
-    The unknown is the displacement w that enters the contact law (see the module docstring).
+    The displacement w enters the contact law (module docstring).
 
     Args:
         body: body without inertia.
@@ -144,8 +140,7 @@ class MovingBody(Stiffness):
         mass: mass matrix.
         damping: damping matrix; None for no damping.
         step: current time step.
-        origin: value w_0 of the unknown for which the final velocity vanishes (`TimeStep.origin`),
-            array of all local values including ghosts.
+        origin: unknown w_0 for zero final velocity (`TimeStep.origin`), local values with ghosts.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
             assemblies: attributes with the same meaning as in `Bulk`.
     """
@@ -193,8 +188,7 @@ class MovingBody(Stiffness):
             step: time step that begins.
             u: local values of the displacement at the start of the step.
             v: local values of the velocity at the start of the step.
-            rows: owned values of the internal and damping forces minus the loads at the start of
-                the step, as returned by `forces`.
+            rows: owned values returned by `forces` for the start of the step.
         """
         self.step = step
         self.origin = step.origin(u, v)
@@ -209,12 +203,7 @@ class MovingBody(Stiffness):
         return self.body.residual
 
     def _rows(self, w: Array, inner: Array) -> Array:
-        """Return the left-hand side of the equation of motion in the module docstring. Collective.
-
-        Args:
-            w: unknown of the step.
-            inner: owned values of the residual of the body without inertia at the end of the step.
-        """
+        """Return the left-hand side of the equation of motion (module docstring). Collective."""
         v = self.step.velocity(w, self.origin)
         rows = self.step.theta * inner + product(self.mass, v) / self.step.length
         if self.damping is not None:
@@ -243,10 +232,7 @@ class MovingBody(Stiffness):
         self.body.read_data()
 
     def energy_at(self, w: Array) -> float | None:
-        """Return the energy of the body without inertia at the end of the step. Collective.
-
-        The result is None if the form is a residual.
-        """
+        """Return the energy of the body at the end of the step; None for a residual. Collective."""
         return self.body.energy_at(self.step.displacement(w, self.origin))
 
     def residual_at(self, w: Array) -> Array:
@@ -256,9 +242,8 @@ class MovingBody(Stiffness):
     def affine_residual(self, w: Array) -> Array | None:
         """Return the owned residual of the step, computed from the cached stiffness. Collective.
 
-        It is the sum of the residual at w = w_0 (`origin`), which is assembled once per step, and
-        the stiffness times w - w_0. The result is None if the body is nonlinear or its stiffness is
-        not up to date.
+        It is the residual at w = w_0 (`origin`), assembled once per step, plus the stiffness times
+        w - w_0. None if the body is nonlinear or its stiffness is not up to date.
         """
         f = self.body.affine_load()
         if f is None:
@@ -272,13 +257,10 @@ class MovingBody(Stiffness):
         return self._start[2] + product(self.for_products, w - self.origin)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Return the owned derivative of the residual of the step with respect to a parameter.
-
-        Collective.
+        """Return the owned derivative of the step residual with respect to a parameter. Collective.
 
         Args:
-            form: linear form, the derivative of the residual of the body without inertia with
-                respect to the parameter.
+            form: linear form, the derivative of the residual of the body without inertia.
             w: unknown of the step.
         """
         u = self.step.displacement(w, self.origin)
@@ -294,10 +276,7 @@ class MovingBody(Stiffness):
         return product(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Return the derivative of the residual of the step with respect to w. Collective.
-
-        The matrix is owned by this object, as in `Bulk.stiffness`.
-        """
+        """Return the derivative of the step residual by w (see `Bulk.stiffness`). Collective."""
         step = self.step
         K = self.body.stiffness(step.displacement(w, self.origin))
         of = self.body.assemblies, step

@@ -97,9 +97,9 @@ class Parts:
     def extents(self) -> Array:
         """Return the size of each part, shape (number of parts,).
 
-        The size is a length, sqrt(12) times the root mean square distance from the centre of mass:
-        the diagonal of a rectangle or box, or 1.22 times the diameter of a disc. It is invariant
-        under rotations. Curved or warped cells are replaced by simplices or parallelepipeds
+        The size, invariant under rotations, is sqrt(12) times the root mean square distance from
+        the centre of mass: the diagonal of a rectangle or box, or 1.22 times the diameter of a
+        disc. Curved or warped cells are replaced by simplices or parallelepipeds
         (`cells.vertex_moments`).
         """
         domain = self.V.mesh
@@ -171,10 +171,9 @@ class Parts:
         return combine(by_data + total(self.comm, resisting @ resisting.T), modes)
 
     def gram_at_fixed(self, motions: Array, fixed: Mask) -> Array:
-        """Return the Gram matrix of motions, restricted to components with Dirichlet conditions.
+        """Return the Gram matrix of motions at Dirichlet components, shape (motions, motions).
 
-        A combination of motions in the null space of this matrix is permitted by the Dirichlet
-        conditions. The shape is (motions, motions).
+        Dirichlet conditions permit combinations of motions in its null space.
 
         Args:
             motions: motions at the local nodes, shape (motions, nodes, dim).
@@ -203,11 +202,7 @@ class Parts:
         return ", ".join(name for name, s in zip(names, size, strict=True) if s > 1e-6 * size.max())
 
     def _owned(self, motions: Array) -> Array:
-        """Return motions restricted to the owned dofs, shape (motions, owned dofs).
-
-        Args:
-            motions: motions at the local nodes, shape (motions, nodes, dim).
-        """
+        """Return motions restricted to the owned dofs, shape (motions, owned dofs)."""
         return motions[:, : self._n].reshape(len(motions), self._n * self._dim)
 
     # -- stiffness -------------------------------------------------------------------------------
@@ -231,12 +226,11 @@ class Parts:
     def softness(self, K: PETSc.Mat) -> Array:
         """Return the ratio of shear to bulk stiffness of each part, shape (number of parts,).
 
-        This ratio is the median of the eigenvalues of the energies of uniform strains, divided by
-        their mean. It measures the resistance to shear relative to the resistance to compression,
-        and is set to 1 for unstable or rigid parts. The energies are those of Voigt's average of
-        the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). For an isotropic body in 3D with
-        the Lame coefficients lambda and mu, the eigenvalues are 2 mu (five times) and 3 lambda + 2
-        mu. The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
+        This ratio is the median divided by the mean of the eigenvalues of the energies of uniform
+        strains; 1 for unstable or rigid parts. The energies are those of Voigt's average of the
+        elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). For an isotropic body in 3D with the
+        Lame coefficients lambda and mu, the eigenvalues are 2 mu (five times) and 3 lambda + 2 mu.
+        The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
 
         Args:
             K: stiffness of the body without Dirichlet conditions.
@@ -244,15 +238,11 @@ class Parts:
         return np.array([_softness(energies) for energies in self._energies(K)])
 
     def _energies(self, K: PETSc.Mat) -> Array:
-        """Return the energy of each part as a bilinear form of k uniform strains.
+        """Return the energy of each part as a bilinear form of k uniform strains, (parts, k, k).
 
-        The shape is (number of parts, k, k). The k displacements x E, with the position x and
-        symmetric matrices E, have the constant gradients E, which are orthonormal. In a body of
-        revolution the displacements are, up to factors, (r, 0), which has equal radial and hoop
-        strains, (0, z) and (0, r).
-
-        Args:
-            K: stiffness of the body without Dirichlet conditions.
+        The k displacements E x at positions x have constant, symmetric, orthonormal gradients E. In
+        a body of revolution the displacements are, up to factors, (r, 0), which has equal radial
+        and hoop strains, (0, z) and (0, r).
         """
         p = self.of_owned
         dim = self._dim
@@ -328,11 +318,7 @@ class Parts:
 
 
 def _softness(energies: Array) -> float:
-    """Return the ratio of shear to bulk stiffness of one part; see `Parts.softness`.
-
-    Args:
-        energies: energy as a bilinear form of k uniform strains, shape (k, k).
-    """
+    """Return the ratio of shear to bulk stiffness of one part; see `Parts.softness`."""
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
@@ -376,9 +362,6 @@ def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
     Args:
         comm: communicator.
         x: points of this rank, shape (n, dim).
-
-    Returns:
-        Lowest and highest coordinates, shape (dim,) each.
     """
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
@@ -396,9 +379,6 @@ def combine(gram: Array, modes: Array) -> Array:
 
 
 def loose(gram: Array) -> Array:
-    """Return an orthonormal basis of the null space of a Gram matrix, one vector per row.
-
-    Eigenvalues below 1e-14 count as zero.
-    """
+    """Return an orthonormal basis of a Gram matrix's null space (eigenvalues < 1e-14), as rows."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
