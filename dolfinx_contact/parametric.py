@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact problem with a parameter, as a system for continuation.
 
-The parameter gamma is a Constant in the data of the problem: a load factor, a material or friction
-coefficient, or a position of an obstacle, for example. Dirichlet data may depend on it as well. The
-derivative of the residual H(x, gamma) with respect to gamma is exact; UFL computes it.
+The parameter gamma is a Constant in the data of the problem, such as a load factor, a material or
+friction coefficient, or the position of an obstacle. Dirichlet data may depend on it as well. UFL
+computes the exact derivative of the residual H(x, gamma) with respect to gamma.
 """
 
 from __future__ import annotations
@@ -84,9 +84,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     H is piecewise smooth, and each piece corresponds to one combination of statuses of the contact
     points. The status codes (`laws.status`) are 0 open, 1 stick, 2 slip with u_t > 0 and 3 slip
-    with u_t < 0, where u_t is the tangential slip; in 3D, code 2 is slip in any direction. With a
-    prescribed friction bound, open points may also stick or slip: codes 4 to 6 are the tangential
-    statuses 1 to 3 of open points.
+    with u_t < 0 for the tangential slip u_t; in 3D, 2 is slip. With a prescribed friction bound,
+    codes 4 to 6 are the tangential statuses 1 to 3 at open points.
 
     Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
     `set_parameter` before `ContactProblem.solve`. The remaining methods are documented in
@@ -162,9 +161,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
-        """Set gamma and the Dirichlet data that depend on it. Collective.
-
-        Call it before a solve at this value of gamma.
+        """Set gamma and Dirichlet data depending on it, before a solve at this value. Collective.
 
         Raises:
             ValueError: on every rank, if gamma is not a finite number or differs between ranks.
@@ -187,8 +184,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Write a point of a branch and its statuses into the problem, and set gamma. Collective.
 
-        The validity indicators of each surface are evaluated. A warning is logged the first time
-        that an indicator exceeds its threshold.
+        A warning is logged once for each validity indicator of a surface above its threshold.
 
         Args:
             x: unknowns.
@@ -214,13 +210,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.problem.read(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """Solve the problem at gamma with `ContactProblem.solve`, starting from given unknowns.
-
-        Collective.
-
-        Args:
-            x: unknowns at the start.
-            gamma: parameter.
+        """Solve at gamma, starting from unknowns ``x``, with `ContactProblem.solve`. Collective.
 
         Returns:
             Unknowns of the solution, None if none was found; and a description of the solve.
@@ -238,20 +228,17 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return solution, f"solve() by {result.reason}"
 
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Return a message if a point of a branch violates small sliding; otherwise "".
-
-        Collective.
-        """
+        """Return a message if a point of a branch violates small sliding, else "". Collective."""
         with self.restored(always=True):
             self._put(x, gamma, piece)
             return small_sliding_violated(self.equations, self.evaluate_contact(x, gamma, piece))
 
     def result_at(self, point: BranchPoint | Solution) -> Result:
-        """Write a point of a branch or a solution to the Functions, and return its result.
+        """Write a point to the Functions, and return its result. Collective.
 
-        The stored statuses of the point are used, even if it lies on a kink, where the unknowns do
-        not determine them. Warnings of the result are logged, except those that were already logged
-        for another point of this system. Collective.
+        The stored statuses of the point are used, even on a kink, where the unknowns do not
+        determine them. Warnings that were not yet logged for another point of this system are
+        logged.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
@@ -261,10 +248,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return result
 
     def collect(self, point: BranchPoint | Solution) -> Result:
-        """Write a point to the Functions and return its result, like `result_at`. Collective.
-
-        Warnings are not logged.
-        """
+        """Like `result_at`, write a point and return its result, without warnings. Collective."""
         x = self._unknowns(point)
         equations = self._equations_at(point.gamma)
         evaluation = equations.evaluate(x, self.statuses_of(point.piece))
@@ -319,10 +303,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
         """Condense the problem, linearised at (x, gamma), onto its contact points. Collective.
 
-        The result is None if the bulk has kinks in u, or if the problem cannot be condensed into
-        pieces that are polyhedral cones. This excludes 3D friction, integral contact, gamma in the
-        law or in the obstacle, and too many contact points. With ``conic=False``, 3D friction is
-        accepted; the result is then a linear problem.
+        The result is None if the bulk has kinks in u, there are too many points, or the statuses
+        are not polyhedral cones (3D friction, integral contact, gamma in the law or in the
+        obstacle). With ``conic=False``, 3D friction is accepted; the result is then a linear
+        problem.
 
         Args:
             x: unknowns at which the problem is linearised.
@@ -354,8 +338,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def _condensed_at(self, gamma: float) -> Reduction | None:
         """Condense the problem at a fixed gamma onto its contact points. Collective.
 
-        The data may depend on gamma in any way. The result is None if the body is not linear, or
-        the problem cannot be condensed.
+        The data may depend on gamma in any way. None if the body is not linear, or the problem
+        cannot be condensed.
         """
         eq = self.equations
         if not eq.linear:
@@ -375,10 +359,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @property
     def is_piecewise_affine(self) -> bool:  # type: ignore[override]
-        """Whether H is affine in (x, gamma) for fixed statuses of the contact points.
-
-        Collective.
-        """
+        """Whether H is affine in (x, gamma) for fixed statuses. Collective."""
         return self.is_linear and can_condense(self)
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
@@ -386,11 +367,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
         The result is None if no certificate applies (`analysis.body_proofs.why_not_provable`) or
         the problem has more than 128 contact points.
-
-        Args:
-            condensed: problem condensed onto its contact points.
-            gamma: parameter.
-            seconds: time limit in seconds.
         """
         from dolfinx_contact.analysis.body_proofs import proved, why_not_provable
 
@@ -400,10 +376,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
     def why_not_provable(self) -> str:
-        """Return the reason why no proof is available for a 3D problem. Collective.
-
-        "" if a proof is available or the problem is in 2D.
-        """
+        """Return the reason why no proof is available in 3D, else "". Collective."""
         from dolfinx_contact.analysis.body_proofs import why_not_provable
 
         if self.equations.dim == 2:
@@ -428,15 +401,14 @@ class ParametricContact(ReadOnly, ParametricEquations):
     ) -> RayProof | None:
         """Compute all solution rays out of a point, with a proof of completeness. Collective.
 
-        The rays are the solutions of the problem linearised at the point (`proofs.rays`). The
-        result is None for laws other than frictionless contact and Coulomb friction, for more than
-        128 contact points, and if `proof_seconds` is 0.
+        They solve the problem linearised at the point (`proofs.rays`). None for laws other than
+        frictionless contact and Coulomb friction, for more than 128 contact points, and if
+        `proof_seconds` is 0.
 
         Args:
             condensed: problem condensed onto its contact points.
-            cone: tangent cone, the problem linearised at the point.
-            known: statuses, shape (n,), and rate of gamma of each ray that has already been
-                computed.
+            cone: problem linearised at the point (tangent cone).
+            known: statuses, shape (n,), and rate of gamma of each ray computed so far.
         """
         from dolfinx_contact.analysis.body_proofs import proved_rays
 
@@ -450,9 +422,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- pieces ----------------------------------------------------------------------------------
 
     def letters(self, piece: Piece) -> str:
-        """Return the status letters of all contact points as one string. Collective.
+        """Return the status letters of all contact points, in the order of tables. Collective.
 
-        The letters have the order of the rows of contact tables; clamped points have the letter d.
+        Clamped points have the letter d.
         """
         words: list[str] = []
         for s, a, b in self.parts():
@@ -490,10 +462,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:
-    """Validate the arguments of `ParametricContact`, and return the list of driven Functions.
-
-    Each is a pair of a Function and its UFL expression. Not collective.
-    """
+    """Validate arguments of `ParametricContact`; return ``driven`` as a list. Not collective."""
     domain = problem.V.mesh
     if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
         raise ValueError("gamma must be a scalar Constant")
@@ -518,15 +487,13 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
 
 
 def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> list[Datum]:
-    """Return the Functions and Constants of the data after checking gamma and driven Functions.
+    """Return the data of the problem and of ``driven`` after checking gamma and driven Functions.
 
-    The data are those of the problem, without the values of Dirichlet conditions, and those of the
-    expressions that drive Functions.
+    Values of Dirichlet conditions are not included.
 
     Raises:
-        ValueError: if gamma is the value of a Dirichlet condition, because such values are not
-            differentiated with respect to gamma; if a Function is driven twice; if the data contain
-            a driven Function; or if an unknown occurs in an expression that drives a Function.
+        ValueError: if gamma is the value of a Dirichlet condition, which is not differentiated; if
+            a Function is driven twice or occurs in the data; or if an unknown occurs in ``driven``.
     """
     if any(is_value_of(gamma, bc) for bc in problem.bcs):
         raise ValueError(

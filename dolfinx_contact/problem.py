@@ -455,11 +455,7 @@ class ContactProblem(ReadOnly):
             self._note(statuses, self.equations.memory, memory)
 
     def write(self, x: PETSc.Vec) -> None:
-        """Copy the values of the Functions and rigid bodies into a vector of all unknowns.
-
-        Args:
-            x: vector that receives the unknowns.
-        """
+        """Copy the values of the Functions and rigid bodies into a vector ``x`` of all unknowns."""
         eq = self.equations
         eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
 
@@ -488,20 +484,14 @@ class ContactProblem(ReadOnly):
         self._written.memory = memory
 
     def _last_write(self) -> _LastWrite | None:
-        """Return the record of the last write to the Functions. Collective.
-
-        None if the Functions have changed since.
-        """
+        """Return the last write to the Functions; None if they have changed since. Collective."""
         before = self._written.unknowns
         same = before is not None and np.array_equal(before, self._owned_values())
         return self._written if all_ranks(self.comm, same) else None
 
     @contextmanager
     def _unknowns(self) -> Iterator[PETSc.Vec]:
-        """Context manager that yields a vector of the unknowns in the Functions. Collective.
-
-        The vector is destroyed on exit.
-        """
+        """Context manager: vector of the unknowns in the Functions, freed on exit. Collective."""
         x = self.create_vector()
         self.write(x)
         try:
@@ -516,10 +506,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def written_statuses(self) -> Statuses | None:
-        """Statuses that were last written with the values of the Functions. Collective.
-
-        None if the Functions have changed since.
-        """
+        """Statuses last written to the Functions; None if these have changed since. Collective."""
         written = self._last_write()
         return None if written is None else written.statuses
 
@@ -593,10 +580,9 @@ class ContactProblem(ReadOnly):
         self._note(state.statuses, state.previous, state.memory)
 
     def _require_state(self, state: State | None) -> None:
-        """Raise ``ValueError`` if a state does not fit this problem or the mesh has moved.
+        """Raise ``ValueError`` if a state does not fit this problem or mesh. Collective.
 
-        The mesh, contact points, methods and number of ranks must be those of the problem.
-        Collective.
+        Mesh positions, contact points, methods and number of ranks must be equal.
         """
         self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
@@ -638,13 +624,13 @@ class ContactProblem(ReadOnly):
     # -- H ---------------------------------------------------------------------------------------
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Assemble the residual H(x) into a vector, and return the evaluation. Collective.
+        """Assemble the residual H(x) into ``b``, and return the evaluation. Collective.
 
         Args:
             x: vector of all unknowns.
             b: vector that receives the residual.
-            statuses: statuses for the contact laws, one array per surface; default: statuses
-                determined by the unknowns.
+            statuses: statuses for the contact laws, one array per surface; default: determined by
+                ``x``.
         """
         self.equations.read_data()
         return self.equations.residual(x, b, statuses)
@@ -715,10 +701,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def linear_solver(self) -> LinearSolver:
-        """Linear solver of Newton's method; created again if its options have changed.
-
-        Collective.
-        """
+        """Linear solver of Newton's method, recreated if its options have changed. Collective."""
         return self._linear()
 
     def table(
@@ -844,9 +827,7 @@ class ContactProblem(ReadOnly):
         progress: bool | None = None,
         expected: Sequence[Statuses] = (),
     ) -> Result:
-        """Solve the contact problem, and write the solution to the Functions. Collective.
-
-        The solve starts from the current values of the Functions.
+        """Solve the contact problem, starting from the Functions; overwrite them. Collective.
 
         Args:
             algorithm: ``"newton"`` (default), a semismooth Newton method with fallback strategies;
@@ -887,9 +868,7 @@ class ContactProblem(ReadOnly):
         progress: bool | None,
         shown: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
-        """Solve like `solve`, but without logging warnings; also return the final evaluation.
-
-        Collective.
+        """Solve like `solve`, but log no warnings; also return the final evaluation. Collective.
 
         Args:
             trial: starting points of the solve, and whether all strategies are tried; default: all
@@ -931,11 +910,7 @@ class ContactProblem(ReadOnly):
         return result, evaluation
 
     def _have(self, statuses: Statuses) -> bool:
-        """Return whether statuses match the contact points and laws of this rank. Not collective.
-
-        Args:
-            statuses: statuses of the contact points, one array per surface.
-        """
+        """Return whether statuses fit the contact points and laws of this rank. Not collective."""
         return len(statuses) == len(self.surfaces) and all(
             np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
             for s, codes in zip(self.surfaces, statuses, strict=True)
@@ -959,9 +934,8 @@ class ContactProblem(ReadOnly):
 
         1. Linear bodies with nodal or mixed contact, in 2D or, with friction, in 3D up to 128
            points: the body is condensed onto the contact points, and the pointwise certificate is
-           evaluated. Without friction the certificate always holds (up to round-off). If it does
-           not hold and a second solution is found quickly, the result contains that solution, and a
-           warning is logged.
+           evaluated, which always holds without friction (up to round-off). If it does not hold and
+           a second solution is found quickly, the result contains it, and a warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
         3. If no certificate applies and no law is Coulomb friction: the theorems of `theory`.
@@ -1015,8 +989,7 @@ class ContactProblem(ReadOnly):
 
         Raises:
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
-                not fixed by Dirichlet data, contact uses ``method="integral"``, or a law is not
-                supported.
+                not fixed by Dirichlet data, a method is ``"integral"``, or a law is not supported.
         """
         from dolfinx_contact.reduced.reduction import reduced_contact
 
@@ -1037,8 +1010,7 @@ class ContactProblem(ReadOnly):
             x: unknowns of the solution.
             attempts: attempts of the strategies that were tried; the last one converged.
             evaluation: evaluation of the solution.
-            shown: function of the solution that returns the equations and the evaluation used for
-                tables and indicators; default: equations and evaluation of the solution.
+            shown: function returning equations and evaluation for tables (`solve_step`).
         """
         for attempt in attempts:
             attempt.evaluation = None
