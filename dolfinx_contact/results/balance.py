@@ -35,7 +35,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import round_off_force
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.results.tables import ContactTable
+from dolfinx_contact.results.tables import ContactTable, friction_of_supports
 
 __all__ = [
     "Balance",
@@ -43,6 +43,7 @@ __all__ = [
     "RigidBodyResult",
     "at_conditions",
     "balance",
+    "missing_friction",
     "pair_balance",
     "pair_forces",
     "rigid_body_results",
@@ -240,7 +241,9 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
 class RigidBodyResult:
     """Motion of a rigid body at a solution, and the forces on it.
 
-    Moments are taken about the reference point. The sum contact + load + support is zero.
+    Moments are taken about the reference point. The sum contact + load + support is zero. Friction
+    along tangents in which Dirichlet data move a contact node belongs to the support of the node
+    and is not part of these forces (`missing_friction`).
 
     Attributes:
         name: name of the body.
@@ -307,3 +310,19 @@ def rigid_body_results(eq: ContactEquations, evaluation: Evaluation) -> dict[str
         motion = rigid.of_body(evaluation.q, b)
         found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, force, b.dim)
     return found
+
+
+def missing_friction(eq: ContactEquations, evaluation: Evaluation) -> dict[str, float]:
+    """Return the friction missing in the force on each rigid body, relative to that force.
+
+    It is the sum of the sizes of the frictional forces at nodes that Dirichlet data move along the
+    body (`friction_of_supports`). Collective.
+    """
+    missing = dict.fromkeys(eq.rigid.bodies, 0.0)
+    for number, s in enumerate(eq.surfaces):
+        if s.rigid_body is not None:
+            here = float(np.sum(friction_of_supports(eq, number, evaluation)))
+            missing[s.rigid_body] += eq.comm.allreduce(here)
+    forces = rigid_body_results(eq, evaluation)
+    largest = {b: float(np.linalg.norm(forces[b.name].force)) for b in missing}
+    return {b.name: v / max(v, largest[b]) if v > 0 else 0.0 for b, v in missing.items()}

@@ -31,6 +31,7 @@ from dolfinx_contact.results.balance import (
     RigidBodyResult,
     at_conditions,
     balance,
+    missing_friction,
     pair_balance,
     rigid_body_results,
 )
@@ -51,6 +52,7 @@ Shown: TypeAlias = Callable[[Evaluation], tuple[ContactEquations, Evaluation]]
 
 _LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
 _LARGEST_IMBALANCE = 1e-6  # largest imbalance without a warning, relative to all forces
+_MISSING_FRICTION = 1e-3  # largest one without a warning, relative to the force on a rigid body
 _T = TypeVar("_T")
 
 
@@ -276,6 +278,13 @@ def collect(
             f"the forces on the body are out of balance by {forces.imbalance:.1e} of their size; "
             "a smaller snes_rtol may help"
         )
+    for name, part in missing_friction(eq, evaluation).items():
+        if part > _MISSING_FRICTION:
+            warnings[f"friction on {name!r}"] = (
+                f"the force on the rigid body lacks friction of {part:.2g} of its size: friction "
+                "at nodes that Dirichlet data move along the body belongs to their supports; "
+                "replace these data by stiff springs"
+            )
     return Result(
         Named(tables),
         list(attempts),

@@ -41,9 +41,12 @@ __all__ = [
     "contact_tables",
     "forces_at_vertices",
     "friction_bound",
+    "friction_of_supports",
     "support_at_nodes",
     "violation",
 ]
+
+_NO_SLIP = 1e-12  # largest slip that counts as round-off, relative to the size of the body
 
 
 @dataclass(frozen=True)
@@ -265,7 +268,7 @@ def contact_table(
         support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
         guided = (constraints.removed[:n].sum(axis=1) == s.dim - 1) & ~clamped
         bound = np.where(guided, 0.0, bound)
-        moved = _letters_of_motion(at.increment, normal, 1e-12 * eq.body_size)
+        moved = _letters_of_motion(at.increment, normal, _NO_SLIP * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -dot(traction, normal) + 0.0
     gap = at.gap + 0.0
@@ -364,6 +367,33 @@ def friction_bound(s: DiscreteSurface, contact: SurfaceEvaluation) -> Array:
     """
     acts = closed(contact.answers.required) | (not s.law.needs_pressure)
     return np.where(acts, np.maximum(contact.answers.bound, 0.0), 0.0)
+
+
+def friction_of_supports(eq: ContactEquations, number: int, evaluation: Evaluation) -> Array:
+    """Return the sizes of the frictional forces that belong to supports, shape (n,).
+
+    If Dirichlet data move a contact point along a tangent, its friction along the tangent is not
+    part of the contact forces. It is 0 at points that do not slip along such tangents, and if it is
+    unknown: with ``method="integral"``, with a nonlocal law, and for a law without a friction disc
+    at points with no free tangent.
+
+    Args:
+        eq: contact problem.
+        number: index of the surface.
+        evaluation: evaluation of the state.
+    """
+    s, contact = eq.surfaces[number], evaluation.surfaces[number]
+    constraints = eq.constraints.surfaces[number]
+    n = s.points.number
+    if s.is_weak:
+        return np.zeros(n)
+    removed = constraints.removed[:n] & ~constraints.clamped_points[:, None]
+    slip = np.linalg.norm(np.where(removed, contact.kinematics.increment, 0.0), axis=1)
+    friction = np.linalg.norm(contact.law_traction - contact.traction, axis=1)
+    no_free_tangent = removed.sum(axis=1) == s.dim - 1
+    friction = np.where(no_free_tangent, np.fmax(friction_bound(s, contact), 0.0), friction)
+    forces = friction * contact.kinematics.operator.areas
+    return np.where(slip > _NO_SLIP * eq.body_size, forces, 0.0)
 
 
 def _letters(s: DiscreteSurface, contact: SurfaceEvaluation) -> npt.NDArray[np.str_]:

@@ -652,6 +652,36 @@ def test_orthotropic_friction_of_driven_nodes_dissipates_the_most(along, across,
 
 
 @pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_friction_missing_in_the_force_on_a_rigid_body_gives_a_warning(dim):
+    """The floor moves in x and the face x = 0 is held in x; its friction opposes its slip."""
+    domain = box(COMM, 2, "hex" if dim == 3 else "quad")
+    u = displacement(domain)
+    V = u.function_space
+    side = fem.locate_dofs_topological(V.sub(0), dim - 1, facets(domain, 0, 0.0))
+    top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    bcs = [fem.dirichletbc(np.array([0.0] * (dim - 1) + [-0.01]), top, V)]
+    normal = np.eye(dim)[-1]
+    motion = dict.fromkeys(("y", "rz") if dim == 2 else ("y", "z", "rx", "ry", "rz"), 0.0)
+    motion["x"] = 0.1
+    floor = RigidBody(HalfSpace(0 * normal, normal), about=0 * normal, motion=motion)
+    surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    name = "friction on 'rigid body'"
+    free = ContactProblem(energy, u, [surface], bcs=bcs).solve()
+    assert name not in free.warnings
+    bcs.append(fem.dirichletbc(0.0, side, V.sub(0)))
+    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
+    table = result.tables["contact"]
+    nodes = table.x[:, 0] < 1e-9
+    slip = table.increment[nodes]
+    friction = 0.3 * table.rn[nodes] * np.abs(slip[:, 0]) / np.linalg.norm(slip, axis=1)
+    part = friction.sum() / np.linalg.norm(result.rigid_bodies["rigid body"].force)
+    assert part > 0.05
+    assert f"friction of {part:.2g} of its size" in result.warnings[name]
+
+
+@pytest.mark.ranks(2)
 def test_a_violated_law_gives_a_warning(log):
     """Newton's method may stop early."""
     result = _held_in_one_direction(petsc_options={"snes_rtol": 0.1})
