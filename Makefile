@@ -87,7 +87,8 @@ test-long:
 	$(RUN) mpirun -n 2 $(PYTEST) --long
 	$(RUN) mpirun -n 3 $(PYTEST) --long
 	$(MAKE) test-pip WHEEL_TESTS=tests WHEEL_PROCESSES=2 \
-		WHEEL_PARTS="'tests --ignore=tests/unit --ignore=tests/records' tests/unit tests/records"
+		WHEEL_PARTS="'tests/adversarial tests/demos tests/errors tests/parallel' tests/physics \
+		'tests/project tests/properties tests/test_golden.py' tests/unit tests/records"
 	$(MAKE) test-paraview
 	$(MAKE) test-browser
 
