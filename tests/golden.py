@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -113,6 +114,8 @@ RECORD = Path(__file__).parent / "data" / "golden.json"
 TOLERANCES = {"evaluated": 1e-12, "solved": 1e-10}
 #: ... or to this part of the largest number of a case, if that is more.
 _LEAST = 1e-4
+#: Krylov methods of other versions of PETSc than that of the record may take another step.
+_OTHER_PETSC = PETSc.Sys.getVersion()[:2] != (3, 22)
 TIGHT = {"snes_rtol": 1e-12}
 #: Columns of tables of steps that are newer than the record.
 NEWER = re.compile(r"inserted|support_\d+_.*|.*_(u|r)[xyz]")
@@ -1730,7 +1733,7 @@ def differences(found, kept):
         words += [
             f"{part} {key}: {now.get(key)!r}, was {before.get(key)!r}"
             for key in sorted({*now, *before})
-            if now.get(key) != before.get(key)
+            if now.get(key) != before.get(key) and not (key == "krylov" and _OTHER_PETSC)
         ]
     return words
 

@@ -22,7 +22,7 @@ position, gap, normal and jump at contact points.
 | `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not clamped, over the local compression of `growth`; 0 if no point is closed | 0.05 |
 | `facets` | height of the smooth surface over the touched facets of a `RigidSurface` that are wider than those of the body, from the averaged normals; mean with the normal forces as weights, over the local compression | 0.02 |
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); for an obstacle that was moved, the present gaps must satisfy this condition as well; in large sliding of a pair, gaps end at the search distance | 0.05 |
-| `pressure` | linear body: mean pressure of the closed points over the modulus of the surface, one to two times Young's modulus | 0.1 |
+| `pressure` | linear body: mean pressure of the closed points over the modulus of the surface, one to two times Young's modulus | 0.2 |
 | `negative_bound` | user-defined laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
@@ -97,7 +97,7 @@ LIMITS = {
     "beside": 0.05,
     "facets": 0.02,
     "growth": 0.05,
-    "pressure": 0.1,
+    "pressure": 0.2,
     "negative_bound": 1e-6,
     "penetration": 0.1,
     "min_det_F": 0.0,

@@ -687,3 +687,13 @@ def test_a_violated_law_gives_a_warning(log):
     result = _held_in_one_direction(petsc_options={"snes_rtol": 0.1})
     assert "snes_rtol" in result.warnings["law"]
     assert "violated by" in said(log, "the law of contact is violated")
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e9])
+def test_a_contact_pressure_near_the_modulus_gives_a_warning(unit):
+    given = {"law": Frictionless(), "young": 1000.0 * unit, "poisson": 0.0}
+    results = [block(top=(0.0, -depth), **given).solve() for depth in (0.1, 0.5)]
+    values = [r.indicators.surfaces["contact"].pressure for r in results]
+    assert values[1] == pytest.approx(5 * values[0])
+    assert 0.05 <= values[0] <= 0.1  # p/E is 0.1, and the modulus is one to two times E
+    assert ["pressure of 'contact'" in r.warnings for r in results] == [False, True]
