@@ -201,7 +201,7 @@ _SEALED = "_sealed"
 
 
 def read_only(advice: str) -> Callable[[type[_T]], type[_T]]:
-    """Return a decorator of frozen dataclasses adding advice to errors of assignments.
+    """Return a decorator for frozen dataclasses whose error on assignment includes advice.
 
     Args:
         advice: text for the message, in which ``{name}`` is replaced by the attribute name.

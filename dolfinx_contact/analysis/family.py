@@ -356,7 +356,7 @@ class Frame:
         return float(np.sign((C_0 + mu * C_1) @ dw))
 
     def kind(self, mu: float) -> str:
-        """Return ``"fold"`` if branches turn back in gamma at the border, otherwise ``"event"``."""
+        """Return the kind of a status change: ``"fold"`` if branches turn back, or ``"event"``."""
         return "fold" if self.sense(0, mu) == self.sense(1, mu) else "event"
 
 

@@ -132,7 +132,7 @@ class Outside:
         """Return the present state of the outer surface on rank 0, None elsewhere. Collective.
 
         Args:
-            law: problem in the same state, under whose contact law the tables are evaluated.
+            law: problem whose contact law determines the values in the tables, in the same state.
         """
         if self._strain is None:
             revolves = any(s.axisymmetric for s in law.surfaces)

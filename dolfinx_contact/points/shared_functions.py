@@ -63,7 +63,7 @@ def crossings(
     surfaces: Sequence[tuple[SurfaceFacets, Opposite | None]],
     fixed: Mask,
 ) -> tuple[list[Mask], Mask]:
-    """Return the nodes at which the jumps of several pairs form a closed loop. Collective.
+    """Return the nodes where pairs meet so that their jumps depend on each other. Collective.
 
     Args:
         V: displacement space.

@@ -736,10 +736,10 @@ class Dual:
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the bounded quantities that appear in y.(S a - r) at each point, shape (m, 6).
+        """Mask of the bounded quantities in the sum y.(S a - r) at each of m points, shape (m, 6).
 
-        Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
-        directly, without s+ and s-.
+        Where F > 0, the normal force is expressed by the slacks s+ and s- of the friction cone, as
+        (s+ + s-)/(2 F). Where F = 0, the shear is bounded by g, without slacks.
         """
         F = self.problem.friction
         found = np.ones((len(F), 6), dtype=bool)

@@ -100,7 +100,7 @@ class GatheredPoints:
         }
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Gather values at all contact points of all ranks, in the order of the m points.
+        """Gather values at the m points of the problem, in the order of `positions`.
 
         ``values`` includes the clamped contact points of this rank. Collective.
         """

@@ -296,7 +296,7 @@ class _Strategy:
 def strategies(
     eq: ContactEquations, trial: Trial, increments: int, start: Evaluation | None
 ) -> Iterator[_Strategy]:
-    """Yield the strategies in the order in which they are tried.
+    """Yield the strategies of a nonlinear solve in the order in which they are tried.
 
     Args:
         eq: contact problem.
