@@ -30,7 +30,7 @@ from dolfinx_contact._mpi import (
 )
 from dolfinx_contact.equations.unknowns import RigidBodies
 from dolfinx_contact.laws.status import STICK
-from dolfinx_contact.points.shared_functions import crossings, resting
+from dolfinx_contact.points.shared_functions import crossings
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, nodes_on
 
@@ -254,15 +254,16 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
     Raises:
         ValueError: on every rank, if no multiplier node keeps a free component.
     """
-    at_nodes = _fixed_at_nodes(s, fixed)
+    at_nodes = s.fixed_jumps(fixed)
     jumps = at_nodes[s.points.trace_nodes]
     displacement_degree, multiplier_degree = s.degrees
     if displacement_degree != multiplier_degree:
         jumps = jumps & _fixed_on_support(s, at_nodes)
+    if s.points.mirrored is not None:
+        jumps = jumps | s.points.mirrored
     removed = _removed(s, jumps)
     if multiplier_degree == 1:  # other degrees have no crossings
         removed[crossing] = True
-    removed = removed | s.points.mirrored
     owned = s.points.Q.dofmap.index_map.size_local
     left = count_of(s.comm, ~removed[:owned].all(axis=1))
     require(s.comm, left > 0, _why_none_is_left(s))
@@ -273,18 +274,6 @@ def _of_surface(s: DiscreteSurface, fixed: Mask, crossing: Mask) -> SurfaceConst
         clamped = np.all(removed[: s.points.number], axis=1)
     normals = s.points.vertex_normals.copy()
     return SurfaceConstraints(at_nodes, jumps, removed, clamped, owned, normals)
-
-
-def _fixed_at_nodes(s: DiscreteSurface, fixed: Mask) -> Mask:
-    """Return the mask of the fixed components of the jump (`SurfaceConstraints`). Collective."""
-    opposite = s.obstacle.opposite
-    if s.rigid_body is not None:
-        return np.asarray(fixed & ~s.rigid_body.moves(s.node_positions))
-    if opposite is None:
-        return fixed
-    if s.slides:  # opposing points change, and a gap is a mean over several nodes
-        return np.zeros_like(fixed)
-    return resting(s.u.function_space, opposite, fixed)
 
 
 def _objection_to_values(

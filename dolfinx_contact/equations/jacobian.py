@@ -166,7 +166,10 @@ class _PointTerms:
         at = stencils.points
         e = stencils.multiplier_weights
         dim = self._dofs.bodies.shape[2]
-        by_jump = contact.by_jump[at]
+        by_jump = contact.by_jump
+        if self._dofs.operator.fixed is not None:
+            by_jump = np.where(self._dofs.operator.fixed[:, None], 0.0, by_jump)
+        by_jump = by_jump[at]
         by_traction = np.eye(dim) - contact.by_traction[at]
         if stencils.identity:  # one point a group, e = 1
             jump = (

@@ -143,8 +143,9 @@ class ContactPoints(ABC):
     operator: Operator
     #: Gauss points of the integral and the mixed method; None in the nodal method.
     _gauss: GaussPoints | None = None
-    #: Components of the vertices across planes of symmetry, where images cancel.
-    mirrored: Mask | bool = False
+    #: Components of the local vertices across planes of symmetry, where the traction of the whole
+    #: model vanishes; None without such planes.
+    mirrored: Mask | None = None
     #: Removed overlaps with an obstacle, at points and at vertices; None if none is removed.
     removed_overlap: fem.Function | None = None
     removed_at_vertices: fem.Function | None = None
@@ -301,7 +302,7 @@ class ContactPoints(ABC):
         offset = self._averaged(self._evaluators.average, gap[:, None] * normal, normal)
         if offset is not None:
             gap = dot(offset, normal)
-            self.aside = offset - gap[:, None] * normal
+            self.aside = self._within_planes(offset - gap[:, None] * normal)
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
     def own(self, evaluate: Evaluator) -> dict[str, Array]:
@@ -324,6 +325,7 @@ class ContactPoints(ABC):
             now = self.data.gap[:, None] * n + self.aside
             gap = dot(offset, n) + dot(now, normal)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
+            aside = self._within_planes(aside)
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
@@ -336,6 +338,12 @@ class ContactPoints(ABC):
             normal: normals, or their rates, shape (n, dim).
         """
         return None if self._shared is None else multiplied(self._shared, offset)
+
+    def _within_planes(self, vectors: Array) -> Array:
+        """Return vectors at the points without components across planes of symmetry (`mirror`)."""
+        if self.mirrored is None:
+            return vectors
+        return np.where(self.mirrored[: self.number], 0.0, vectors)
 
     def outward(self, u: Array) -> Array:
         """Return outward unit normals of the displaced face at the points, shape (n, dim).
@@ -434,6 +442,19 @@ class ContactPoints(ABC):
         """
         return self._give(given, idle) if any_rank(self.comm, given) else given
 
+    def mirror(self, across: Mask, opposite: Opposite | None) -> None:
+        """Mark vertices on planes of symmetry. Collective.
+
+        Call it only once, after `give`. Where jumps are means around a vertex, the mean over one
+        half of the model has a component across the plane, which the other half cancels. It is
+        replaced by the jump of the vertex itself.
+
+        Args:
+            across: mask of the components across the planes, shape (local vertices, dim).
+            opposite: opposing points of the positions of the nodes; None without another body.
+        """
+        self.mirrored = across if any_rank(self.comm, across) else None
+
     def _set_operators(self, opposite: Opposite | None) -> None:
         """Set the operators from displacements to jumps and multipliers to tractions.
 
@@ -500,6 +521,25 @@ class NodePoints(ContactPoints):
             multiplier_weights=np.ones((n, 1, 1)),
             identity=True,
         )
+
+    def mirror(self, across: Mask, opposite: Opposite | None) -> None:
+        super().mirror(across, opposite)
+        if self.mirrored is None:
+            return
+        assert isinstance(self.operator, ConstantOperator)
+        across = across[: self.number]
+        own = NodePoints._jumps(self, opposite)
+        at_vertices = own.jump_matrix(self.comm, self._owned_nodes, self.dim)
+        B = self.operator.B
+        for matrix, kept in ((B, ~across), (at_vertices, across)):
+            rows = matrix.createVecs(side="left")
+            rows.array[:] = kept.reshape(-1)
+            matrix.diagonalScale(rows)
+            rows.destroy()
+        B.axpy(1.0, at_vertices)
+        at_vertices.destroy()
+        self.operator = replace(self.operator, fixed=across)
+        self.update()
 
     def _give(self, given: Mask, idle: Mask) -> Mask:
         D, self.areas, given = shared(self.vertices, given, idle, self.areas)

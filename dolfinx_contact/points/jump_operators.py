@@ -138,11 +138,15 @@ class ConstantOperator(Operator):
         stencils: weights of displacement and multiplier nodes at the points.
         areas: areas of the points, shape (n,).
         B: matrix from the displacement u to the jumps.
+        fixed: mask of the components in which B reads fixed displacements of the node itself
+            instead of the weighted displacements of the stencils, shape (n, dim); None if there are
+            none.
     """
 
     stencils: Stencils
     areas: Array
     B: PETSc.Mat
+    fixed: Mask | None = None
 
     def apply(self, v: Array) -> Array:
         return product(self.B, v.reshape(-1)).reshape(-1, v.shape[1])

@@ -122,6 +122,11 @@ class Opposite:
         """Whether the faces match, so that every slave node has one opposing node."""
         return self.common is None
 
+    @property
+    def places(self) -> Opposite:
+        """Points opposite to the positions of the slave nodes, without mortar averaging."""
+        return self if self.common is None else self.common.places
+
     def at(self, nodes: Indices) -> NodeWeights:
         """Return the master nodes and weights opposite to given slave nodes, shape (..., k) each.
 

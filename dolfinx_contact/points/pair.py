@@ -56,6 +56,9 @@ class DiscretePair(DiscreteSurface):
             f"{self.name}: the {self._given_gap} is {worst:.3g}; {words}",
         )
 
+    def fixed_jumps(self, fixed: Mask) -> Mask:
+        return resting(self.u.function_space, self.obstacle.opposite, fixed)
+
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Distribute the basis functions of nodes without a multiplier. Collective.
 
@@ -97,6 +100,8 @@ class DiscretePair(DiscreteSurface):
         if not matching:
             marks = SharedValues(V.dofmap.index_map).marked(trace[given])
             self.obstacle.opposite = in_place(self._apart, marks)
+        places = self._apart.places
+        self._mirror(resting(V, places, fixed), places)
 
 
 def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:

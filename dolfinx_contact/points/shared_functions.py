@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nodes without a multiplier of their own: crossings of pairs, and clamped ends of mortars.
+r"""Nodes without a multiplier of their own: crossings, clamped ends, planes of symmetry.
 
 *Crossings.* Where cracks cross, k nodes have the same position, and the pairs have one jump between
 them for each arm. The jumps of a closed loop sum to zero,
@@ -18,7 +18,15 @@ these nodes, and its size would be proportional to the inverse of int psi_p N_k,
 Therefore it is removed. A clamped node opposite to a free master keeps its multiplier, because it
 still transmits forces.
 
-The functions of the removed multipliers are added to the functions of adjacent nodes,
+*Planes of symmetry.* In a half model, Dirichlet data fix the displacement across the plane at a
+node p on the edge of the surface and at the master there. If the weighted jump of p contains free
+nodes, as for mortars and quadratic displacements, its component across the plane does not vanish,
+but that of the whole model does, and so does the traction. This multiplier component is removed,
+and the jump across the plane is that of p itself (`ContactPoints.mirror`). Since the stress tensor
+is symmetric, this holds at every edge whose adjacent face is held along its own normal only.
+
+The functions of multipliers removed at crossings and clamped ends are added to the functions of
+adjacent nodes,
 
     psi_q + sum_p a_qp psi_p,    sum_q a_qp = 1,
 
@@ -163,8 +171,7 @@ def clamped_ends(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
         opposite: opposing points of faces that do not match.
         fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
     """
-    assert opposite.common is not None
-    places = opposite.common.places
+    places = opposite.places
     clamped: Mask = np.asarray(fixed.all(axis=1))
     free = (~clamped[: V.dofmap.index_map.size_local]).astype(float)
     here, around = (of.values(V.mesh.comm, free, sizes=True) for of in (places, opposite))
@@ -179,8 +186,7 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
         opposite: opposing points of all nodes.
         nodes: mask of the local nodes that get the opposing point of their own position.
     """
-    assert opposite.common is not None
-    places = opposite.common.places
+    places = opposite.places
     chosen = nodes[opposite.sides.slave][:, None]
     weights = np.where(chosen, 0.0, opposite.weights), np.where(chosen, places.weights, 0.0)
     return replace(

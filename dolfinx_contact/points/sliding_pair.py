@@ -81,6 +81,10 @@ class SlidingPair(DiscreteSurface):
         if self._overlap.removed:
             self.points.remove_overlap_of_mesh()
 
+    def fixed_jumps(self, fixed: Mask) -> Mask:
+        # opposing points change, and a gap is a mean over several nodes
+        return np.zeros_like(fixed)
+
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Raise ``ValueError`` if Dirichlet data let nodes leave planes of symmetry. Collective."""
         free = (self.points.opposite.across & ~fixed)[: self.owned_nodes]

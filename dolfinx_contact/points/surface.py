@@ -37,15 +37,16 @@ from dolfinx_contact.points.jump_operators import ConstantOperator
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.opposite import CURVED_OVERLAP
+from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import Partner, RigidBody, shape_of
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import edge_of, exterior_facets
 from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __all__ = ["DiscreteSurface"]
 
 
+_TANGENTIAL = 1e-6  # normal component of a tangential direction
 _UNIT = 1e-6  # admissible error of the length of a normal
 
 #: Tangential part of the motion of an obstacle that is reported.
@@ -296,13 +297,42 @@ class DiscreteSurface(ReadOnly):
             f"{self.name}: normals of the obstacle must have the length 1, and one has {worst:.6g}",
         )
 
+    def fixed_jumps(self, fixed: Mask) -> Mask:
+        """Return the mask of the fixed components of the jump, shape (local nodes, dim).
+
+        A component is fixed if neither a node nor its opposing point can move along it. Collective.
+
+        Args:
+            fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
+        """
+        if self.rigid_body is None:
+            return fixed
+        return np.asarray(fixed & ~self.rigid_body.moves(self.node_positions))
+
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Determine the nodes that have no multiplier of their own. Collective.
+        """Determine the nodes where the multiplier, or a component of it, is removed. Collective.
 
         Args:
             fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
             crossing: mask of the local vertices at which pairs cross.
         """
+        self._mirror(self.fixed_jumps(fixed), None)
+
+    def _mirror(self, fixed: Mask, opposite: Opposite | None) -> None:
+        """Remove multipliers across planes of symmetry (`shared_functions`). Collective.
+
+        Args:
+            fixed: mask of the components in which neither a node nor the master at its position
+                can move, shape (local nodes, dim).
+            opposite: points opposite to the positions of the nodes; None without another body.
+        """
+        turning = self.displaced is not None and not self.displaced.friction
+        if self.degrees.multiplier > 1 or turning:
+            return
+        points = self.points
+        held = fixed[points.vertex_nodes] & edge_of(points.vertices)[:, None]
+        along = np.linalg.norm(np.where(held, points.vertex_normals, 0.0), axis=1)
+        points.mirror(held & (along < _TANGENTIAL)[:, None], opposite)
 
     def require_in_place(self, prescribed: Array, size: float) -> None:
         """Raise ``ValueError`` if Dirichlet data move nodes off planes of symmetry. Collective.

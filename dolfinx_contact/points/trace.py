@@ -31,6 +31,7 @@ from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 __all__ = [
     "at_global_places",
     "cells_of",
+    "edge_of",
     "exterior_facets",
     "facet_closures",
     "facet_normals",
@@ -63,6 +64,22 @@ def cells_of(domain: mesh.Mesh, facets: Indices) -> Indices:
     domain.topology.create_connectivity(dim - 1, dim)
     cells = domain.topology.connectivity(dim - 1, dim)
     return cells.array[cells.offsets[facets]]
+
+
+def edge_of(vertices: fem.FunctionSpace) -> Mask:
+    """Return the mask of the local vertices at the edge of a surface. Collective.
+
+    Args:
+        vertices: scalar P1 space on the mesh of the facets.
+    """
+    topology = vertices.mesh.topology
+    ends = topology.dim - 1
+    topology.create_connectivity(ends, topology.dim)
+    open_ends = mesh.exterior_facet_indices(topology)
+    index_map = vertices.dofmap.index_map
+    at_edge = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
+    at_edge[fem.locate_dofs_topological(vertices, ends, open_ends)] = True
+    return at_edge
 
 
 def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str) -> Indices:
