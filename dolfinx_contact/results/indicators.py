@@ -51,7 +51,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, tangential, unit
-from dolfinx_contact._mpi import any_rank, anywhere, maximum, minimum
+from dolfinx_contact._mpi import any_rank, anywhere, largest, maximum, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
@@ -797,41 +797,38 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: SurfaceEvaluation) 
 
 
 def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
-    """Return the largest relative depth of the obstacle in a facet (`_deepest`). Collective."""
-    return maximum(s.comm, _deepest(s, evaluation.u.reshape(-1, s.dim)))
-
-
-def _deepest(s: DiscreteSurface, u: Array) -> float:
-    """Return the largest depth of the obstacle in the facets of this rank.
+    """Return the largest depth of the obstacle in a facet of the surface. Collective.
 
     The depth is evaluated for corners and edges of a rigid surface, spheres and cylinders. It is
     relative to the facet size, or to the radius if that is smaller.
     """
-    now, cells, normals = s.points.facets.simplices(u)
-    if not len(cells):
-        return 0.0
+    now, cells, normals = s.points.facets.simplices(evaluation.u.reshape(-1, s.dim))
     corners = now[cells]
-    sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    probes, radius = _probes(s, (low, high), float(np.median(sizes)) / _SAMPLES)
-    reach = sizes.max() + radius
+    sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    low, high = bounding_box(s.comm, corners.reshape(-1, s.dim))
+    probes, radius = _probes(s, (low, high), s.points.geometry.facet_size / _SAMPLES)
+    reach = maximum(s.comm, sizes) + radius
     probes = probes[((probes > low - reach) & (probes < high + reach)).all(axis=1)]
-    if not len(probes):
+    if not len(probes):  # on every rank
         return 0.0
-    found, parts, feet, distance = ClosestFacets(now, cells)(probes)
-    height = dot(probes - feet, normals[found])
-    depth = radius - np.where(height < 0.0, -distance, distance)
-    # subtract the depth of the nearest contact point and a removed overlap
-    away = np.linalg.norm(corners[found] - probes[:, None], axis=2).min(axis=1)
-    depth = depth - np.maximum(radius - away, 0.0)
-    taken = s.points.removed_at_vertices
-    if taken is not None:
-        depth = depth - dot(parts, taken.x.array[cells[found]])
-    if radius == 0.0:  # corners beside the face, or on the far side of the body
-        below = (height < -_STRAIGHT * distance) & (depth < sizes[found])
-        depth = np.where(below, depth, 0.0)
-    scale = np.minimum(sizes[found], radius if radius > 0.0 else np.inf)
-    return float(np.max(depth / scale, initial=0.0))
+    depth = np.zeros(len(probes))
+    distance = np.full(len(probes), np.inf)
+    if len(cells):
+        found, parts, feet, distance = ClosestFacets(now, cells)(probes)
+        height = dot(probes - feet, normals[found])
+        depth = radius - np.where(height < 0.0, -distance, distance)
+        # subtract the depth of the nearest contact point and a removed overlap
+        away = np.linalg.norm(corners[found] - probes[:, None], axis=2).min(axis=1)
+        depth = depth - np.maximum(radius - away, 0.0)
+        taken = s.points.removed_at_vertices
+        if taken is not None:
+            depth = depth - dot(parts, taken.x.array[cells[found]])
+        if radius == 0.0:  # corners beside the face, or on the far side of the body
+            below = (height < -_STRAIGHT * distance) & (depth < sizes[found])
+            depth = np.where(below, depth, 0.0)
+        depth /= np.minimum(sizes[found], radius if radius > 0.0 else np.inf)
+    closest = distance <= -largest(s.comm, -distance)
+    return maximum(s.comm, depth[closest])
 
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
