@@ -191,7 +191,7 @@ class ContactProblem(ReadOnly):
     With friction, use `QuasiStatic` if the contact zone grows with the load (Hertz, indentation):
     in the static law, tangential displacement that precedes contact counts as slip as well.
 
-    `solve` starts from the present displacement and multipliers and overwrites them with the
+    `solve` starts from the current displacement and multipliers and overwrites them with the
     solution. If no solution is found, they keep their values.
 
     Methods for users: `solve`, `uniqueness`, `theory` and `reduced` solve or analyse the problem;
@@ -471,7 +471,7 @@ class ContactProblem(ReadOnly):
         previous: Sequence[Memory | None],
         memory: Sequence[Memory] | None,
     ) -> None:
-        """Record the present unknowns, and the statuses and memory that belong to them.
+        """Record the current unknowns, and the statuses and memory that belong to them.
 
         Args:
             statuses: statuses of the contact points, one array per surface.
@@ -721,7 +721,7 @@ class ContactProblem(ReadOnly):
         """Tabulate the contact points of all surfaces, by name of the surface. Collective.
 
         Args:
-            state: state to evaluate; default: present values of the Functions.
+            state: state to evaluate; default: current values of the Functions.
         """
         with self._evaluated(state) as (eq, evaluation):
             return contact_tables(eq, evaluation, support_at_nodes(eq, evaluation))
