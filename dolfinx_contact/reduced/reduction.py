@@ -43,8 +43,8 @@ from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array, Codes
-from dolfinx_contact._mpi import require, total
+from dolfinx_contact._arrays import Array, Codes, Mask
+from dolfinx_contact._mpi import SharedValues, require, total
 from dolfinx_contact._petsc import destroy, staged, triplet_matrix
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
@@ -309,7 +309,8 @@ class Reduction:
         eq = self._equations
         first = 0
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
-        fixed = np.flatnonzero(eq.fixed[: self._nodal]) + K.getOwnershipRange()[0]
+        fixed = eq.fixed[: self._nodal] & ~self._dofs_of_guided_points()
+        fixed = np.flatnonzero(fixed) + K.getOwnershipRange()[0]
         wanted = self.points.local
         blocks = []
         motions = []
@@ -329,16 +330,13 @@ class Reduction:
             here.destroy()
             first += s.points.number
         # All rows of displacements have the unit of a force.
-        whole = self.points.guided
-        fields = [ConstrainedField(K, blocks, without_forces=None if whole else fixed)]
+        fields = [ConstrainedField(K, blocks, without_forces=fixed)]
         if eq.rigid.size:
             still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
             here = np.arange(eq.rigid.owned)
             prescribed = np.where(eq.rigid.here(eq.rigid.fixed), self._scale, 0.0)
             diagonal = self._matrix(len(here), here, here, prescribed)
-            fields.append(
-                ConstrainedField(diagonal, motions, without_forces=None if whole else still)
-            )
+            fields.append(ConstrainedField(diagonal, motions, without_forces=still))
         try:
             return ConstrainedBody(
                 self.comm, fields, -self._scale, prefix="condensed_", counted=False
@@ -346,6 +344,21 @@ class Reduction:
         finally:
             for field in fields:
                 destroy(field.stiffness, *field.rows)
+
+    def _dofs_of_guided_points(self) -> Mask:
+        """Return the mask of the owned dofs of slave nodes with a fixed tangential displacement.
+
+        Contact exerts forces on them, as on free dofs, so that a jump can be prescribed there.
+        Collective.
+        """
+        eq = self._equations
+        exchange = SharedValues(eq.V.dofmap.index_map)
+        guided: Mask = np.zeros(len(eq.constraints.fixed), dtype=bool)
+        for s, constraints in zip(eq.surfaces, eq.constraints.surfaces, strict=True):
+            n = s.points.number
+            here = constraints.fixed_jumps[:n].any(axis=1) & ~constraints.clamped_points
+            guided |= exchange.marked(s.points.vertex_nodes[:n][here])
+        return np.repeat(guided, self._dim)[: self._nodal]
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
         """Return the matrix from motions of rigid bodies to jumps at the points of a surface."""

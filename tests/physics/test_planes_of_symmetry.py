@@ -135,7 +135,7 @@ def test_half_is_the_whole(start):
     assert same_steps == steps
 
 
-def pressed_slightly(dim, surface, degree, *, whole):
+def pressed_slightly(dim, surface, degree, *, whole, **algorithm):
     """The table of contact in small sliding, the lower body pressed upwards."""
     body = bodies(dim, whole=whole, curvature=0.0)
     domain = body.mesh
@@ -155,7 +155,8 @@ def pressed_slightly(dim, surface, degree, *, whole):
         W = V.sub(axis)
         bcs.append(fem.dirichletbc(0.0, on(W, axis, 0.0), W))
     energy = LinearElastic.from_young(1.0, 0.4).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [contact], bcs=bcs, r=2.0).solve().tables["contact"]
+    problem = ContactProblem(energy, u, [contact], bcs=bcs, r=2.0)
+    return problem.solve(**algorithm).tables["contact"]
 
 
 def pair(method):
@@ -196,6 +197,13 @@ def test_half_is_the_whole_in_small_sliding(dim, surface, degree):
     assert (part.pressure > 1e-3).sum() >= dim
     assert np.abs(part.shear).max() > 1e-3
     assert_part_of(whole, part)
+
+
+@pytest.mark.ranks(2)
+def test_half_of_a_mortar_is_condensed_exactly():
+    """The algorithms of the condensed problem find the same solution as Newton's method."""
+    half = dict(dim=2, surface=pair("nodal"), degree=1, whole=False)
+    assert_part_of(pressed_slightly(**half), pressed_slightly(**half, algorithm="lemke"))
 
 
 @pytest.mark.parametrize("slave", [MASTER, 0])
