@@ -34,6 +34,7 @@ from petsc4py import PETSc
 import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from support.own_laws import Orthotropic
 from support.record_bodies import (
     RUBBER,
     UNIT,
@@ -96,7 +97,7 @@ from dolfinx_contact.analysis import (
 )
 from dolfinx_contact.continuation import StepControl, explore, find_solutions, follow
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
-from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
+from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.proofs import ReducedProblem, check, prove_solutions
 from dolfinx_contact.records import (
@@ -140,39 +141,6 @@ class SlipWeakening(FrictionLaw):
     def bound(self, a, p):
         drop = self.static - self.kinetic
         return (self.kinetic + drop * ufl.exp(-a.slid / self.distance)) * p
-
-
-@dataclass(frozen=True)
-class Orthotropic(Law):
-    """Friction whose bound is an ellipse with its axes along and across a grain."""
-
-    along: Any
-    across: Any
-    angle: Any
-
-    def pieces(self, a):
-        grain = ufl.as_vector([ufl.cos(self.angle), ufl.sin(self.angle), 0.0])
-        grain = grain - ufl.dot(grain, a.n) * a.n
-        e = grain / ufl.sqrt(ufl.dot(grain, grain))
-        f = ufl.cross(a.n, e)
-
-        def projected(coefficient, axis):
-            traction = ufl.dot(a.traction, axis)
-            slip = ufl.dot(a.u_t, axis)
-            return traction / coefficient - a.r * coefficient * slip
-
-        q_along = projected(self.along, e)
-        q_across = projected(self.across, f)
-        size = ufl.sqrt(q_along**2 + q_across**2)
-        pressure = -a.p * a.n
-        shear = self.along * q_along * e + self.across * q_across * f
-        return {
-            OPEN: StatusPiece(0.0 * a.n, [Border(-a.p, PLUS)]),
-            STICK: StatusPiece(pressure + shear, [Border(a.p, OPEN), Border(a.p - size, PLUS)]),
-            PLUS: StatusPiece(
-                pressure + a.p * shear / size, [Border(a.p, OPEN), Border(size - a.p, STICK)]
-            ),
-        }
 
 
 # -- numbers of vectors that depend neither on ranks nor on numbering ------------------------------

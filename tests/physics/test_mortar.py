@@ -15,17 +15,15 @@ from support.mortars import (
     hats,
     sheared,
     solids,
+    solved_patch,
     stacked,
 )
-from support.pairs import MATERIAL, displacement, largest
+from support.pairs import displacement, largest
 
-import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
     ContactPair,
-    ContactProblem,
-    Coulomb,
     Frictionless,
     records,
 )
@@ -98,40 +96,10 @@ def test_mortar_forces_are_exact_integrals_of_uniform_tractions(case, slave, mas
 def test_a_linear_displacement_over_different_meshes_is_exact(case, slave, master, cell, angle):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = stacked(*case, cell=cell, angle=angle)
-    u = displacement(both.mesh)
     c = np.cos(angle)
     s = np.sin(angle)
-    R = np.array([[c, -s], [s, c]])
-    gradient = 1e-3 * R @ BASE @ R.T
-    strain = (gradient + gradient.T) / 2
-    lmbda = MATERIAL.lmbda
-    mu = MATERIAL.mu
-    stress = lmbda * np.trace(strain) * np.eye(2) + 2 * mu * strain
-    normal = R @ [0.0, 1.0]
-    pressure = -normal @ stress @ normal
-    shear = abs(R @ [1.0, 0.0] @ stress @ normal)
-    assert 0 < 3 * shear < pressure
-    exact = fem.Function(u.function_space)
-    exact.interpolate(lambda x: gradient @ x[:2])
-    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    traction = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
-    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(traction, u) * ds((4, 5, 6))
-    dofs = fem.locate_dofs_topological(u.function_space, 1, both.facet_tags.find(1))
-    problem = ContactProblem(
-        energy,
-        u,
-        [pair],
-        bcs=[fem.dirichletbc(exact, dofs)],
-        petsc_options={"snes_rtol": 1e-14},
-    )
-    result = problem.solve()
-    table = result.tables["contact"]
-    assert set(table.status) == {"k"}
-    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
-    np.testing.assert_allclose(np.abs(table.along(table.shear)), shear, rtol=1e-11)
-    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
-    assert result.imbalance < 1e-12
+    frame = np.array([[c, -s], [s, c]])
+    solved_patch(both, frame, BASE, (slave, master), (1, 1), (4, 5, 6), method="nodal")
 
 
 # -- in space --------------------------------------------------------------------------------------
@@ -154,30 +122,8 @@ def test_a_linear_displacement_over_different_meshes_is_exact(case, slave, maste
 def test_a_linear_displacement_over_different_meshes_in_space_is_exact(case, slave, master, cells):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = solids(*case, cells)
-    u = displacement(both.mesh)
-    gradient = 1e-3 * TILT @ SOLID_BASE @ TILT.T
-    strain = (gradient + gradient.T) / 2
-    stress = MATERIAL.lmbda * np.trace(strain) * np.eye(3) + 2 * MATERIAL.mu * strain
-    normal = TILT[:, 2]
-    traction = stress @ normal
-    pressure = -normal @ traction
-    shear = np.linalg.norm(traction + pressure * normal)
-    assert 0 < 3 * shear < pressure
-    exact = fem.Function(u.function_space)
-    exact.interpolate(lambda x: gradient @ x)
-    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    given = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
-    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(given, u) * ds((4, 5, 6, 7, 8))
-    dofs = fem.locate_dofs_topological(u.function_space, 2, both.facet_tags.find(1))
-    ends = [fem.dirichletbc(exact, dofs)]
-    options = {"snes_rtol": 1e-13}
-    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
-    table = result.tables["contact"]
-    assert set(table.status) == {"k"}
-    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
-    np.testing.assert_allclose(np.linalg.norm(table.shear, axis=1), shear, rtol=1e-11)
-    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+    aside = (4, 5, 6, 7, 8)
+    solved_patch(both, TILT, SOLID_BASE, (slave, master), (1, 1), aside, method="nodal")
 
 
 @pytest.mark.verifies(

@@ -1,9 +1,7 @@
 """The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
 
 import json
-import random
 import shutil
-import time
 import zlib
 
 from mpi4py import MPI
@@ -11,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import recorded_run
-from support.killing import kill, launch
+from support.killing import killed_and_resumed
 from support.recorded_run import moved_block, record, record_in, resume
 
 from dolfinx_contact.continuation import (
@@ -460,36 +458,5 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
 )
 @pytest.mark.long
 def test_a_branch_killed_at_random_moments_is_resumed(whole, folder):
-    """Every session on another number of ranks; each is killed, but for the last."""
-    random.seed(3)
-    kills = 10
-    path = folder / FILE_NAME
-    total = len((whole[0] / FILE_NAME).read_bytes())
-    moments = [0.05 + 0.9 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
-    recorded = []
-    for session, moment in enumerate(moments):
-        process = launch(
-            1 + session % 3, "recorded_run.py", folder, *(["--resume"] if session else [])
-        )
-        # Time passes between a look at the file and the kill: any moment of a step may be hit.
-        delay = random.uniform(0.0, 0.03)
-        while (path.stat().st_size if path.exists() else 0) < moment * total:
-            if process.poll() is not None:  # the last points may be written between two looks
-                assert process.returncode == 0, (folder / "said.0").read_text()
-                break
-            time.sleep(0.002)
-        time.sleep(delay)
-        kill(process)
-        recorded.append(read_journal(folder).columns())
-    process = launch(2, "recorded_run.py", folder, "--resume")
-    assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
-    journal = read_journal(folder)
-    require_same(journal, whole[2])
-    assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
-    # Nothing recorded was lost or written anew.
-    final = journal.columns()
-    lengths = [len(columns["gamma"]) for columns in recorded]
-    for n, columns in zip(lengths, recorded, strict=True):
-        np.testing.assert_array_equal(columns["gamma"], final["gamma"][:n])
-        np.testing.assert_array_equal(columns["status"], final["status"][:n])
-    assert sorted(set(lengths)) == lengths
+    killed_and_resumed("recorded_run.py", [], [], folder, whole[0], kills=10)
+    require_same(read_journal(folder), whole[2])
