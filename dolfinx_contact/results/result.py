@@ -117,8 +117,9 @@ class Result:
     def __str__(self) -> str:
         """Return a text with law, strategy, points, forces, residuals and names of warnings."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
-        forces = [*self.resultants.values(), self.support, self.external]
+        forces = [*self.resultants.values(), *self.supports, self.external]
         largest = max(float(np.abs(f).max()) for f in forces)
+        reactions = ", ".join(_shown(f, largest) for f in self.supports)
         law = "static law" if self.static else "step from a state"
         lines = [
             f"{law}: {self.reason}, {self.iterations} iterations, {self.dofs} unknowns; "
@@ -127,7 +128,7 @@ class Result:
                 f"contact force of {name}: {_shown(f, largest)}"
                 for name, f in self.resultants.items()
             ),
-            f"reactions of Dirichlet data: {_shown(self.support, largest)}; "
+            f"reactions of Dirichlet data: {reactions or 'none'}; "
             f"loads and springs: {_shown(self.external, largest)}",
             f"violation of the law {self.kkt_violation:.1e}, imbalance {self.imbalance:.1e}",
         ]
