@@ -317,11 +317,11 @@ def destroy(*objects: Any) -> None:
             thing.destroy()
 
 
-def product(A: PETSc.Mat, values: Array) -> Array:
-    """Return the owned entries of A x, where ``values`` begins with x. Collective."""
-    x, y = A.createVecs()
+def product(A: PETSc.Mat, values: Array, *, transposed: bool = False) -> Array:
+    """Return the owned entries of A x or A^T x, where ``values`` begins with x. Collective."""
+    x, y = reversed(A.createVecs()) if transposed else A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
-    A.mult(x, y)
+    (A.multTranspose if transposed else A.mult)(x, y)
     found: Array = y.array_r.copy()
     destroy(x, y)
     return found

@@ -50,7 +50,6 @@ from dolfinx_contact.points.jump_operators import (
     Operator,
     Stencils,
     multiplied,
-    multiplied_transposed,
     own_nodes,
     rows_of,
     scaled_rows,
@@ -424,8 +423,8 @@ class ContactPoints(ABC):
         Args:
             values: values at the points, shape (n, dim).
         """
-        weighted = self.areas[:, None] * values
-        return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
+        weighted = (self.areas[:, None] * values).reshape(-1)
+        return weighted if self.E is None else product(self.E, weighted, transposed=True)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
         """Add basis functions of given vertices to surrounding vertices. Collective.

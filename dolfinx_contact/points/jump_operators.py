@@ -41,7 +41,6 @@ __all__ = [
     "Operator",
     "Stencils",
     "multiplied",
-    "multiplied_transposed",
     "own_nodes",
     "rows_of",
     "rows_with_ghosts",
@@ -155,7 +154,8 @@ class ConstantOperator(Operator):
         return self.apply(v)
 
     def transpose(self, tractions: Array) -> Array:
-        return multiplied_transposed(self.B, self.areas[:, None] * tractions)
+        forces = (self.areas[:, None] * tractions).reshape(-1)
+        return product(self.B, forces, transposed=True)
 
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
         return np.zeros(v.size)
@@ -288,13 +288,3 @@ def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> Node
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
     """Return the product of a matrix with owned entries of k vectors, shape (n, k). Collective."""
     return np.stack([product(A, column) for column in values.T], axis=1)
-
-
-def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
-    """Return the product of a transposed matrix with owned entries, of any shape. Collective."""
-    x, y = A.createVecs()
-    y.array[:] = values.reshape(-1)
-    A.multTranspose(y, x)
-    out = x.array_r.copy()
-    x.destroy(), y.destroy()
-    return out
