@@ -479,7 +479,7 @@ class SurfaceTerm:
             displacement=evaluation.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None,
         )
 
-    # -- motion relative to the obstacle, overridden by `RigidTerm` ----------------------------
+    # -- motion relative to the obstacle -------------------------------------------------------
 
     def motion(self, q: Array) -> Array | None:
         """Return the motion of the rigid body touched by the surface; None if there is none."""
@@ -492,7 +492,8 @@ class SurfaceTerm:
             u: displacement at the first n local nodes, as a flat array, shape (dim n,).
             q: unknowns of the rigid bodies.
         """
-        return u.reshape(-1, self.surface.dim)
+        s = self.surface
+        return s.partner.relative(u.reshape(-1, s.dim), self.motion(q))
 
     def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """Return the derivative of `relative` at the owned nodes, shape (n, dim). Not collective.
@@ -503,7 +504,9 @@ class SurfaceTerm:
             du: direction of the derivative with respect to ``u``.
             dq: direction of the derivative with respect to ``q``.
         """
-        return du.reshape(-1, self.surface.dim)[: self.surface.owned_nodes]
+        s = self.surface
+        at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
+        return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
 
     # -- rows ------------------------------------------------------------------------------------
 
@@ -556,14 +559,6 @@ class RigidTerm(SurfaceTerm):
 
     def motion(self, q: Array) -> Array:
         return self.bodies.of_body(q, self.body)
-
-    def relative(self, u: Array, q: Array) -> Array:
-        return self.surface.partner.relative(super().relative(u, q), self.motion(q))
-
-    def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
-        s = self.surface
-        at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
-        return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
 
     def motions_at_points(self) -> Array:
         """Return displacements of the points per unknown of the rigid body, shape (n, dim, k)."""

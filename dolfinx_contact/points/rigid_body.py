@@ -37,6 +37,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._geometry import along_tangent, plane_tangents
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word, word_in_history
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
@@ -141,7 +142,7 @@ class RigidKinematics:
             v: vectors, shape (n, dim).
         """
         if self.dim == 2:
-            return turning * np.stack([-v[:, 1], v[:, 0]], axis=1)
+            return turning * plane_tangents(v)
         return np.asarray(np.cross(turning, v))
 
     # -- small motions and forces ----------------------------------------------------------------
@@ -165,7 +166,7 @@ class RigidKinematics:
         """
         arm = x - (self.about if moved is None else self.about + moved)
         if self.dim == 2:
-            moments: Array = (arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0])[:, None]
+            moments = along_tangent(forces, arm)[:, None]
         else:
             moments = np.asarray(np.cross(arm, forces), dtype=np.float64)
         return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
@@ -381,7 +382,9 @@ class Partner:
         rigid = self.body.kinematics
         return rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
 
-    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
+    def relative_rate(
+        self, u: Array, motion: Array | None, du: Array, change: Array | None
+    ) -> Array:
         """Return the derivative of `relative` along a motion of both bodies, shape (n, dim).
 
         It does not include the rotation of the frame.
@@ -394,6 +397,8 @@ class Partner:
         """
         if self.body is None or not self.turns:
             return self.relative(du, change)
+        assert motion is not None
+        assert change is not None
         x = self.x[: len(u)] + u
         return du - self.body.kinematics.velocity(x, motion, change)
 
