@@ -20,17 +20,12 @@ and 0 <= beta <= 1. Growth is restricted to points that were closed at the start
 because beta would otherwise jump when a point closes within a step. The tangential reference of a
 broken bond is the current jump until it grows again, so that it heals as a new bond.
 
-*Compliant surface* (`contact`): p is the pressure of `NormalCompliance`. The springs act on [u_n]
-of either sign, as in the energy of the model, so they also resist penetration. The friction bound
-is mu (1 - beta) times the contact pressure.
-
 The law is not implemented as an `Interface`. For the first-order law on a rigid surface, a subclass
 of `Interface` with 18 lines gives equal statuses, tractions and Newton counts
 (`tests/physics/test_interfaces.py`), but evaluation takes 2.7 times as long (20,000 points in 3D).
-Second order, recovery and the pressure of a compliant surface cannot be expressed by an energy and
-a dissipation of one step. The closed formula is also smooth beyond the borders of its statuses, as
-required by solves with fixed statuses, whereas equations solved point by point have no solution
-there.
+Second order and recovery cannot be expressed by an energy and a dissipation of one step. The closed
+formula is also smooth beyond the borders of its statuses, as required by solves with fixed
+statuses, whereas equations solved point by point have no solution there.
 """
 
 from __future__ import annotations
@@ -42,8 +37,7 @@ from typing import Any, ClassVar
 import ufl
 
 from dolfinx_contact._validate import flag, one_of
-from dolfinx_contact.laws.compliant import NormalCompliance
-from dolfinx_contact.laws.friction import Coulomb, Frictionless
+from dolfinx_contact.laws.friction import Coulomb
 from dolfinx_contact.laws.law import (
     Bond,
     Border,
@@ -86,8 +80,6 @@ class RCCM(Law):
         broken: intensity below which a bond counts as broken.
         order: order of the time integration, 1 or 2.
         recovers: whether bonds grow at closed points.
-        contact: compliance of the surface, a frictionless `NormalCompliance`; default: None for
-            Signorini's conditions.
 
     Raises:
         ValueError: if an attribute is not admissible.
@@ -102,7 +94,6 @@ class RCCM(Law):
     broken: Scalar = 1e-6
     order: int = 1
     recovers: bool = False
-    contact: NormalCompliance | None = None
     options = ("order", "recovers")
     needs_time = ("viscosity",)
     signs: ClassVar[Mapping[str, Sign]] = {
@@ -118,17 +109,7 @@ class RCCM(Law):
     def __post_init__(self) -> None:
         one_of(self.order, "the order of RCCM in time", (1, 2))
         flag(self.recovers, "recovers of RCCM")
-        soft = self.contact
-        smooth = isinstance(soft, NormalCompliance) and isinstance(soft.friction, Frictionless)
-        if not (soft is None or smooth):
-            raise ValueError(
-                f"contact of RCCM must be None or a NormalCompliance without friction, got {soft!r}"
-            )
         super().__post_init__()
-
-    @property
-    def compliant(self) -> bool:  # type: ignore[override]
-        return self.contact is not None
 
     @property
     def internal(self) -> tuple[Internal, ...]:  # type: ignore[override]
@@ -138,9 +119,6 @@ class RCCM(Law):
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self._friction(self._now(a)).bound(a, p)
-
-    def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        return self._soft(a, self._now(a), self._opening(a))
 
     def bond(self, a: ContactPoint) -> Bond:
         opening = self._opening(a)
@@ -166,8 +144,7 @@ class RCCM(Law):
             # Viscosity dissipates the energy of recovery, except the energy of the springs.
             springs = 0.5 * energy * (self.beta + beta) * lost
             spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
-            touch = self._soft(a, beta, opening).touch
-            after[".closed"] = ufl.conditional(ufl.gt(touch, 0.0), 1.0, 0.0)
+            after[".closed"] = ufl.conditional(ufl.gt(a.p, 0.0), 1.0, 0.0)
             for i, name in enumerate(_ORIGIN.components(a.dim)):
                 jump = a.jump[i] + a.before[i] - ufl.dot(a.before, a.n) * a.n[i]
                 after[name] = ufl.conditional(self._is_new, jump, self._origin(a)[i])
@@ -187,12 +164,12 @@ class RCCM(Law):
         moved = self._moved(a)
         scale = ufl.sqrt(self.work * (self.normal + self.tangential))
         for is_open in (True, False):
-            opening = -a.u_n if is_open or self.compliant else 0.0
+            opening = -a.u_n if is_open else 0.0
             energy = self._energy(opening, moved)
             slack = scale * step.slack(energy)
             for damage, beta in ((0, step.cap), (DAMAGING, step.intensity(energy))):
                 adhesion = self._traction(beta, opening, moved, a.n)
-                for code, piece in self._contact(self._soft(a, beta, opening), beta).items():
+                for code, piece in self._contact(a, beta).items():
                     if (code == OPEN) != is_open:
                         continue
                     borders = [Border(d, k + damage, where) for d, k, where in piece.borders]
@@ -237,13 +214,6 @@ class RCCM(Law):
     def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
-    def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the contact point with the compliant-surface pressure, without bond springs."""
-        if self.contact is None:
-            return a
-        pull = beta**2 * self.normal * opening
-        return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
-
     def _step(self, a: ContactPoint) -> DamageStep:
         """Return the time step of the bond intensity, for the memory at the last accepted state."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
@@ -268,8 +238,8 @@ class RCCM(Law):
         return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
 
     def _opening(self, a: ContactPoint) -> Any:
-        """Return the extension of the normal springs; it is negative under compression."""
-        return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
+        """Return the opening [u_n] >= 0, the extension of the normal springs."""
+        return ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
 
     def _moved(self, a: ContactPoint) -> Any:
         """Return the part of the tangential jump that stretches the springs."""

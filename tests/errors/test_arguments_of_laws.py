@@ -69,9 +69,6 @@ def test_rccm_refuses_numbers_out_of_range(arguments, message):
             for order in (0, 3, 1.5, None, True)
         ),
         ({"recovers": 1}, "recovers of RCCM must be True or False"),
-        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
-        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
-        ({"contact": RCCM(C, C, W, recovers=True)}, "must be None or a NormalCompliance"),
     ],
 )
 def test_rccm_refuses_options(arguments, message):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.bonds import U0, C, Point, W, along, bonded
 
-from dolfinx_contact import RCCM, NormalCompliance
+from dolfinx_contact import RCCM
 from dolfinx_contact.evolution import QuasiStatic
 
 PRESSED = (0.0, 5.0)
@@ -79,46 +79,11 @@ def test_a_new_bond_begins_where_it_is():
     assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
 
 
-@pytest.mark.parametrize("exponent", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
-@pytest.mark.verifies(
-    "normal compliance",
-    "RCCM adhesion",
-    reference="closed form: pressures of springs and surface, and the bound of friction",
-    aspects=("2D",),
-)
-def test_rccm_friction_takes_the_pressure_of_the_surface(exponent):
-    """The bound is mu (1 - beta) times the pressure of the surface; springs resist as well."""
-    k = 2e3 if exponent == 1 else 1e5
-    slipped = []
-    law = RCCM(C, C, W, 0.4, viscosity=0.02, contact=NormalCompliance(k, exponent))
-    problem, top = bonded(law=law, young=1e3)
-    load = along(top, (0.0, -0.02), (0.3, -0.02), (0.3, 0.2))
-    history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 25))
-    for step in history.steps:
-        assert step.result.kkt_violation < 1e-8
-        t = step.result.tables["contact"]
-        depth = np.maximum(-t.un, 0.0)
-        soft = k * depth**exponent
-        spring = t.beta**2 * C * -t.un
-        np.testing.assert_allclose(t.pressure, soft + spring, rtol=1e-7, atol=1e-8)
-        np.testing.assert_allclose(t.rn_adh, spring * t.area, rtol=1e-7, atol=1e-9)
-        bound = 0.4 * (1 - t.beta) * soft * t.area
-        friction = np.linalg.norm(t.friction, axis=1)
-        assert (friction <= bound + 1e-7).all()
-        slips = np.isin(t.letters, list("+-"))
-        np.testing.assert_allclose(friction[slips], bound[slips], rtol=1e-6, atol=1e-9)
-        slipped.append(slips.any())
-        energy = C * (t.un**2 + np.sum(t.ut**2, axis=1))
-        assert (t.beta >= np.minimum(1.0, W / np.maximum(energy, 1e-30)) * (1 - 1e-9)).all()
-    assert any(slipped)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     "given",
     [
         pytest.param({}, marks=pytest.mark.long),
-        {"contact": NormalCompliance(2e3)},
         {"recovers": True, "broken": 0.1},
     ],
 )

@@ -13,7 +13,6 @@ from support.histories import driven_block
 from dolfinx_contact import (
     RCCM,
     Coulomb,
-    NormalCompliance,
     ParametricContact,
     records,
 )
@@ -135,7 +134,6 @@ END = 0.3
 LAWS = {
     "coulomb": Coulomb,
     "bonds": lambda F: RCCM(100.0, 100.0, 1e-3, F),
-    "soft bonds": lambda F: RCCM(100.0, 100.0, 1e-3, F, contact=NormalCompliance(1e4)),
 }
 
 
@@ -163,7 +161,6 @@ def pushed(law, push, cell, friction, n=2):
         pytest.param("coulomb", 0.004, "tet", "exact", marks=pytest.mark.long),
         pytest.param("bonds", -0.004, "tri", "batched", marks=pytest.mark.long),
         ("bonds", 0.004, "tet", "exact"),
-        ("soft bonds", -0.004, "tri", "exact"),
     ],
 )
 def test_branches_up_and_down_have_the_same_events(law, push, cell, kinks):
