@@ -35,7 +35,6 @@ from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
 from dolfinx_contact.laws.law import (
     Border,
     ContactPoint,
-    Kernel,
     Scalar,
     Sign,
     StatusPiece,
@@ -73,7 +72,7 @@ class _AroundFriction(FrictionLaw):
         return self.friction.creeps
 
     @property
-    def averaging(self) -> Kernel | None:  # type: ignore[override]
+    def averaging(self) -> float | None:  # type: ignore[override]
         return self.friction.averaging
 
     def lacks(self, *, history: bool) -> str:

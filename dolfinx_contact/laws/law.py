@@ -38,7 +38,6 @@ __all__ = [
     "ContactPoint",
     "Equations",
     "Internal",
-    "Kernel",
     "Law",
     "Scalar",
     "Sign",
@@ -63,18 +62,6 @@ constant_law = read_only(
     "laws are read-only. After surface = ContactSurface(..., law=law), surface.law.{name}.value = "
     "... changes the number between two solves"
 )
-
-
-class Kernel(NamedTuple):
-    """Weights for averaging the pressures of neighbouring points (`spreading`).
-
-    Attributes:
-        radius: distance up to which points contribute to the average, in the unit of length.
-        normalised: whether a constant pressure is preserved at the ends of the surface.
-    """
-
-    radius: float
-    normalised: bool
 
 
 @dataclass(frozen=True)
@@ -306,8 +293,8 @@ class Law:
     compliant: bool = False
     #: Whether friction increases with the slip, so that friction alone can support a body.
     creeps: bool = False
-    #: Kernel that averages the pressures of closed points; None for a local law.
-    averaging: Kernel | None = None
+    #: Radius within which pressures of closed points are averaged, a length; None for a local law.
+    averaging: float | None = None
     #: Internal variables, stored in the memory of an evolution; `bond` returns their new values.
     internal: tuple[Internal, ...] = ()
     #: Fields that make an evolution depend on the lengths of its steps unless they vanish.

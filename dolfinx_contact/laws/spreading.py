@@ -9,15 +9,15 @@ and Pires, J. Appl. Mech. 50, 1983, section 3; Demkowicz and Oden, Nonlinear Ana
 
 so that a constant pressure is preserved, also near the ends of the surface. In the mathematical
 literature, the convolution is divided by the integral of omega over the whole plane (line in 2D)
-and decreases near the ends. As in the literature, friction also acts on open points: it can hold an
-open point next to a closed point.
+and decreases near the ends; the ratio of both integrals is a field, by which F can be multiplied.
+As in the literature, friction also acts on open points: it can hold an open point next to a closed
+point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,11 +25,11 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._validate import flag, positive
+from dolfinx_contact._validate import positive
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign, constant_law
+from dolfinx_contact.laws.law import ContactPoint, Scalar, Sign, constant_law
 
-__all__ = ["NonlocalCoulomb", "kernel", "kernel_integral"]
+__all__ = ["NonlocalCoulomb", "kernel"]
 
 Array = npt.NDArray[np.float64]
 
@@ -38,15 +38,6 @@ def kernel(x: Array) -> Array:
     """Return omega(x) = exp(1 - 1/(1 - x^2)) for x < 1, otherwise 0, with x = distance/radius."""
     inside = np.minimum(np.asarray(x) ** 2, 1.0 - 1e-12)
     return np.asarray(np.where(np.asarray(x) < 1.0, np.exp(1.0 - 1.0 / (1.0 - inside)), 0.0))
-
-
-@cache
-def kernel_integral(dim: int) -> float:
-    """Return the integral of omega(|x|) over the line (``dim`` = 2) or the plane (3)."""
-    from scipy.integrate import quad  # only needed by this law
-
-    ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
-    return float(quad(lambda x: float(kernel(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])
 
 
 @constant_law
@@ -61,28 +52,22 @@ class NonlocalCoulomb(FrictionLaw):
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
         radius: distance rho > 0 up to which points contribute to the average, a number with the
             unit of length.
-        normalised: whether the weights of the average are divided by their integral over the
-            surface, so that a constant pressure is preserved at the ends of the surface. If False,
-            they are divided by their integral over the whole plane (line in 2D).
 
     Raises:
-        ValueError: if the radius is not a positive number, or ``normalised`` is not a bool.
+        ValueError: if the radius is not a positive number.
     """
 
     friction: Scalar
     radius: float
-    normalised: bool = True
     needs_pressure = False
     signs: ClassVar[Mapping[str, Sign]] = {"friction": "nonnegative"}
-
-    options = ("radius", "normalised")
+    options = ("radius",)
 
     def __post_init__(self) -> None:
         radius = positive(
             self.radius, "the radius of NonlocalCoulomb", "a finite and positive number"
         )
         object.__setattr__(self, "radius", radius)
-        flag(self.normalised, "normalised of NonlocalCoulomb")
         super().__post_init__()
 
     @property
@@ -90,8 +75,8 @@ class NonlocalCoulomb(FrictionLaw):
         return f"NonlocalCoulomb({self.radius:g})"
 
     @property
-    def averaging(self) -> Kernel:  # type: ignore[override]
-        return Kernel(self.radius, self.normalised)
+    def averaging(self) -> float:  # type: ignore[override]
+        return self.radius
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * a.around

@@ -17,9 +17,9 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._geometry import dot
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
+from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.answers import Spreading
-from dolfinx_contact.laws.spreading import kernel, kernel_integral
+from dolfinx_contact.laws.spreading import kernel
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
@@ -34,32 +34,29 @@ class Neighbours:
 
     Args:
         points: contact points of the surface.
-        kernel: weight function of the average, with its radius.
+        radius: distance up to which points contribute to the average, a length.
     """
 
-    def __init__(self, points: ContactPoints, kernel: Kernel):
+    def __init__(self, points: ContactPoints, radius: float):
         self._points = points
-        self._kernel = kernel
+        self._radius = radius
         self._areas: Array | None = None
         self._matrix: PETSc.Mat | None = None
 
     @property
     def matrix(self) -> PETSc.Mat:
         """Averaging matrix, assembled again after areas have been redistributed. Collective."""
-        points, radius = self._points, self._kernel.radius
+        points, radius = self._points, self._radius
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas
             comm, x = points.comm, points.positions
-            n, dim = x.shape
+            n = len(x)
             first = comm.exscan(n) or 0
             known = {"x": x, "area": points.areas, "number": first + np.arange(n)}
             i, found = around(comm, known, {"x": x, "reach": np.full(n, radius)})
             away = np.linalg.norm(x[i] - found["x"], axis=1)
             weights = found["area"] * kernel(away / radius)
-            if self._kernel.normalised:
-                weights = weights / np.bincount(i, weights, minlength=n)[i]
-            else:
-                weights /= kernel_integral(dim) * radius ** (dim - 1)
+            weights = weights / np.bincount(i, weights, minlength=n)[i]
             self._matrix = triplet_matrix(comm, (n, n), first + i, found["number"], weights)
         return self._matrix
 

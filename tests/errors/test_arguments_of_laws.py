@@ -217,7 +217,6 @@ RADIUS = "radius of NonlocalCoulomb must be a finite and positive"
     ("arguments", "message"),
     [
         *(((0.3, radius), RADIUS) for radius in (np.nan, np.inf, -0.1, 0.0, "1")),
-        ((0.3, 0.1, 1), "normalised of .* True or False"),
         ((-0.3, 0.5), "friction of NonlocalCoulomb.* nonnegative"),
         ((np.nan, 0.5), "friction of NonlocalCoulomb.* nonnegative"),
     ],
