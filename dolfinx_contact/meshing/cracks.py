@@ -32,14 +32,15 @@ logger = logging.getLogger(__name__)
 
 
 def _check(a: Arguments) -> None:
-    a.body = tagged(a.body, a.cell_tags, a.facet_tags, "the mesh of a crack")
+    untagged = isinstance(a.body, mesh.Mesh) and a.facet_tags is None
+    a.body = tagged(a.body, a.facet_tags, "the mesh of a crack")
     a.groups = listed(a.groups, "groups")
     kinds = str | int | np.integer
     if not a.groups or not all(isinstance(g, kinds) and g is not True for g in a.groups):
         raise ValueError(f"a crack needs names or tags of groups, got {a.groups!r}")
-    if a.body.facet_tags is None:
+    if untagged:
         raise ValueError("a crack needs MeshTags of facets")
-    known = a.body.names[1]
+    known = a.body.facet_tags.names
     for g in a.groups:
         if isinstance(g, str) and g not in known:
             raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
@@ -54,7 +55,6 @@ def crack(
     groups: Iterable[int | str],
     *,
     facet_tags: mesh.MeshTags | None = None,
-    cell_tags: mesh.MeshTags | None = None,
 ) -> GmshMesh:
     """Return a mesh in which facets inside the body have two separate sides. Collective.
 
@@ -77,7 +77,6 @@ def crack(
             crack ends on another crack, it divides one side of that crack, which must be the slave
             of its pair.
         facet_tags: facet tags of a mesh without groups.
-        cell_tags: cell tags of a mesh without groups; default: none.
 
     Returns:
         New mesh with all tags and names.

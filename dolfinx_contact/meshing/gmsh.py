@@ -32,7 +32,7 @@ __all__ = [
     "draw_polygon",
     "empty_model",
     "mesh_from_gmsh",
-    "named_mesh",
+    "no_tags",
     "read_mesh",
 ]
 
@@ -71,11 +71,8 @@ class GmshMesh(NamedTuple):
 
     Attributes:
         mesh: mesh of the body.
-        cell_tags: MeshTags of the groups of cells.
-        facet_tags: MeshTags of the groups of facets, possibly empty.
-        names: dimension and tag of each group of cells or facets, by name. If a group of cells and
-            a group of facets have the same name, the entry belongs to the facets; ``cell_tags``,
-            ``facet_tags``, `dx` and `ds` contain both.
+        cell_tags: MeshTags of the groups of cells with their names, possibly empty.
+        facet_tags: MeshTags of the groups of facets with their names, possibly empty.
 
     Example:
         Parts of the boundary by their names::
@@ -91,9 +88,18 @@ class GmshMesh(NamedTuple):
     """
 
     mesh: mesh.Mesh
-    cell_tags: mesh.MeshTags
-    facet_tags: mesh.MeshTags
-    names: dict[str, tuple[int, int]]
+    cell_tags: NamedTags
+    facet_tags: NamedTags
+
+    @property
+    def names(self) -> dict[str, tuple[int, int]]:
+        """Dimension and tag of each group of cells or facets, by name.
+
+        If a group of cells and a group of facets have the same name, the entry belongs to the
+        facets; ``cell_tags``, ``facet_tags``, `dx` and `ds` contain both.
+        """
+        groups = self.cell_tags, self.facet_tags
+        return {name: (t.dim, tag) for t in groups for name, tag in t.names.items()}
 
     def tag(self, name: str) -> int:
         """Return the tag of the group ``name``, or raise ``ValueError``."""
@@ -108,7 +114,7 @@ class GmshMesh(NamedTuple):
         Raises:
             ValueError: on every rank, if no group has this name, or ranks request different ones.
         """
-        tags = self._named_facets
+        tags = self.facet_tags
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
 
     def bounds(self, name: str) -> Array:
@@ -155,7 +161,7 @@ class GmshMesh(NamedTuple):
             ValueError: on every rank, if no group has this name, ranks request different ones, or
                 facets of the group lie inside the body, where ``ds`` is 0.
         """
-        tag = self._named_facets.tag(name)
+        tag = self.facet_tags.tag(name)
         _refuse_interior(self.facet_tags, tag, name, self.mesh)
         return ufl.Measure(
             "ds", self.mesh, subdomain_id=tag, subdomain_data=self.facet_tags, metadata=metadata
@@ -175,31 +181,10 @@ class GmshMesh(NamedTuple):
         return ufl.Measure(
             "dx",
             self.mesh,
-            subdomain_id=self._named_cells.tag(name),
+            subdomain_id=self.cell_tags.tag(name),
             subdomain_data=self.cell_tags,
             metadata=metadata,
         )
-
-    @property
-    def _named_cells(self) -> NamedTags:
-        return _named(self.cell_tags, self.names)
-
-    @property
-    def _named_facets(self) -> NamedTags:
-        return _named(self.facet_tags, self.names)
-
-
-def named_mesh(domain: mesh.Mesh, cells: NamedTags, facets: NamedTags) -> GmshMesh:
-    """Return a `GmshMesh` made from a mesh and named tags of its cells and facets."""
-    names = {name: (t.dim, tag) for t in (cells, facets) for name, tag in t.names.items()}
-    return GmshMesh(domain, cells, facets, names)
-
-
-def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Return MeshTags with the names of their groups; tags with names are unchanged."""
-    if isinstance(tags, NamedTags):
-        return tags
-    return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
 
 
 def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh) -> None:
@@ -359,11 +344,15 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
     named, body = comm.bcast((named, body))
     domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
     keep(domain)
-    if facet_tags is None:
-        domain.topology.create_entities(body - 1)
-        none = np.empty(0, dtype=np.int32)
-        facet_tags = mesh.meshtags(domain, body - 1, none, none)
-    return named_mesh(domain, NamedTags(cell_tags, named[0]), NamedTags(facet_tags, named[1]))
+    domain.topology.create_entities(body - 1)
+    facets = no_tags(domain, body - 1) if facet_tags is None else NamedTags(facet_tags, named[1])
+    return GmshMesh(domain, NamedTags(cell_tags, named[0]), facets)
+
+
+def no_tags(domain: mesh.Mesh, dim: int) -> NamedTags:
+    """Return MeshTags without entities, for a mesh without groups of a dimension."""
+    none = np.empty(0, dtype=np.int32)
+    return NamedTags(mesh.meshtags(domain, dim, none, none), {})
 
 
 def _warn_of_lost_names(model: Any) -> None:

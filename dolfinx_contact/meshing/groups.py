@@ -14,7 +14,7 @@ from dolfinx import mesh
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere, require
 from dolfinx_contact._validate import instance, word
-from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
+from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = ["name_groups"]
 
@@ -64,7 +64,7 @@ def name_groups(
     index_map = domain.topology.index_map(tdim)
     every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     cell_tags = mesh.meshtags(domain, tdim, every, np.ones_like(every))
-    return named_mesh(domain, NamedTags(cell_tags, {cells: 1}), _facet_tags(domain, facets))
+    return GmshMesh(domain, NamedTags(cell_tags, {cells: 1}), _facet_tags(domain, facets))
 
 
 def _facet_tags(

@@ -105,7 +105,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
     domain.topology.create_connectivity(fdim + 1, fdim)
     index_map = domain.topology.index_map(fdim)
     if isinstance(facets, GmshMesh):
-        facets = facets._named_facets
+        facets = facets.facet_tags
     with everywhere(comm, f"the facets of {name}"):
         try:
             chosen = _chosen(domain, facets, tag)

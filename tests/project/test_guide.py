@@ -90,8 +90,7 @@ def test_indenter_of_the_guide_carries_its_force(folder, monkeypatch):
     V = fem.functionspace(cube, ("Lagrange", 1, (3,)))
     u = fem.Function(V, name="displacement")
     held = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, below), V)
-    cells = mesh.meshtags(cube, 3, np.arange(0, dtype=np.int32), 1)
-    body = meshing.GmshMesh(cube, cells, mesh.meshtags(cube, 2, top, 1), {"top": (2, 1)})
+    body = meshing.name_groups(cube, {"top": top})
     names = run("bodies.md", u=u, body=body)
     energy = materials.LinearElastic.from_young(1e6, 0.3).energy(u) * ufl.dx
     result = ContactProblem(energy, u, [names["contact"]], bcs=[held]).solve()

@@ -11,7 +11,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import GmshMesh, crack
+from dolfinx_contact.meshing import crack, name_groups
 
 COMM = MPI.COMM_WORLD
 NEAR = 1e-9
@@ -136,10 +136,8 @@ def test_crack_refuses_new_names_that_exist():
     domain = mesh.create_rectangle(COMM, [(-1, -1), (1, 1)], [4, 4])
     domain.topology.create_entities(1)
     fault = mesh.locate_entities(domain, 1, lambda x: np.abs(x[0]) < NEAR)
-    tags = mesh.meshtags(domain, 1, fault, np.ones(len(fault), dtype=np.int32))
-    cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
-    of_cells = mesh.meshtags(domain, 2, cells, np.ones(len(cells), dtype=np.int32))
-    body = GmshMesh(domain, of_cells, tags, {"fault": (1, 1), "fault_opposite": (1, 2)})
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 1.0))
+    body = name_groups(domain, {"fault": fault, "fault_opposite": side})
     message = "the crack names its sides fault_opposite: rename these groups"
     with pytest.raises(ValueError, match=message):
         crack(body, ["fault"])

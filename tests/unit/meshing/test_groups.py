@@ -60,15 +60,12 @@ def test_names_of_joined_meshes_select_their_parts():
 
 
 @pytest.mark.ranks(2)
-def test_groups_of_one_name_are_joined_unless_prefixes_distinguish_them():
+def test_groups_of_one_name_are_joined():
     parts = blocks(upper="face", lower="face")
     assert length(parts[0], "face") == pytest.approx(1.0)
-    assert length(join(parts), "face") == pytest.approx(2.0)
-    body = join(parts, prefixes=("upper_", "lower_"))
-    assert sorted(body.facet_tags.names) == ["lower_base", "lower_face", "upper_face", "upper_top"]
-    for name, height in (("lower_face", 0.0), ("upper_face", 0.0), ("lower_base", -1.0)):
-        assert length(body, name) == pytest.approx(1.0)
-        np.testing.assert_allclose(body.bounds(name)[:, 1], height)
+    body = join(parts)
+    assert length(body, "face") == pytest.approx(2.0)
+    np.testing.assert_allclose(body.bounds("face")[:, 1], 0.0)
 
 
 @pytest.mark.ranks(2)
@@ -100,14 +97,3 @@ def test_groups_that_are_empty_or_overlap_are_refused(groups, message):
     with pytest.raises(ValueError, match=message) as info:
         name_groups(square, groups)
     assert len(set(COMM.allgather(str(info.value)))) == 1
-
-
-def test_prefixes_are_needed_for_every_mesh():
-    with pytest.raises(ValueError, match="2 meshes need as many prefixes"):
-        join(blocks(), prefixes=("upper_",))
-
-
-@pytest.mark.ranks(2)
-def test_prefixes_are_texts():
-    with pytest.raises(ValueError, match="a prefix must be a str, got int"):
-        join(blocks(), prefixes=(1, 2))
