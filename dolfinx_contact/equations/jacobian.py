@@ -41,7 +41,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._petsc import Entries, destroy, matrix_of, triplets
+from dolfinx_contact._petsc import Entries, destroy, logged, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, RigidTerm, SurfaceEvaluation
 from dolfinx_contact.points.jump_operators import ConstantOperator
@@ -446,22 +446,23 @@ class Jacobian:
 
         For sliding faces, `matrix` may be a new object afterwards.
         """
-        bulk = self._equations.bulk
-        K = bulk.stiffness(evaluation.u)
-        if self._terms.changed:
-            destroy(self._replaced)
-            self._replaced, self.matrix = self.matrix, self._created()
-        if self._assemblies == bulk.assemblies:
-            self.matrix.retrieveValues()
-        else:
-            self.matrix.zeroEntries()
-            _, _, values = K.getValuesCSR()
-            self._body.insert(values, self.matrix)
-            diagonal = np.full(self._fixed.number, self._equations.scaling.stiffness)
-            self._fixed.add(diagonal, self.matrix)
-            self.matrix.storeValues()
-            self._assemblies = bulk.assemblies
-        self._terms.add(evaluation, self.matrix)
+        with logged("ContactJacobian"):
+            bulk = self._equations.bulk
+            K = bulk.stiffness(evaluation.u)
+            if self._terms.changed:
+                destroy(self._replaced)
+                self._replaced, self.matrix = self.matrix, self._created()
+            if self._assemblies == bulk.assemblies:
+                self.matrix.retrieveValues()
+            else:
+                self.matrix.zeroEntries()
+                _, _, values = K.getValuesCSR()
+                self._body.insert(values, self.matrix)
+                diagonal = np.full(self._fixed.number, self._equations.scaling.stiffness)
+                self._fixed.add(diagonal, self.matrix)
+                self.matrix.storeValues()
+                self._assemblies = bulk.assemblies
+            self._terms.add(evaluation, self.matrix)
 
     def destroy(self) -> None:
         """Free the matrices."""

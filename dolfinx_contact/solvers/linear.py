@@ -21,9 +21,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._mpi import any_rank
-from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
+from dolfinx_contact._petsc import DEFAULTS, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.solvers.newton import LinearSolver
 
@@ -40,7 +39,7 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 
 
-class AssembledSolver(LinearSolver):
+class AssembledSolver(Jacobian, LinearSolver):
     """Linear solver of Newton's method on the assembled Jacobian, by default MUMPS.
 
     Args:
@@ -51,9 +50,7 @@ class AssembledSolver(LinearSolver):
     defaults = DEFAULTS
 
     def __init__(self, equations: ContactEquations):
-        self._equations = equations
-        self._jacobian = Jacobian(equations)
-        self.matrix = self._jacobian.matrix
+        super().__init__(equations)
         self._residual = 0.0  # relative residual of the last solve
         pc = equations.options.value("pc_type") or "lu"
         self.iterates_on_request = pc not in ("lu", "cholesky")
@@ -71,14 +68,6 @@ class AssembledSolver(LinearSolver):
         r.axpy(-1.0, b)
         self._residual = r.norm() / (b.norm() or 1.0)
         r.destroy()
-
-    def update(self, evaluation: Evaluation) -> None:
-        with logged("ContactJacobian"):
-            self._jacobian.update(evaluation)
-        self.matrix = self._jacobian.matrix  # a new one if its pattern has changed
-
-    def destroy(self) -> None:
-        self._jacobian.destroy()
 
     def explain(self, ksp: PETSc.KSP) -> str:
         reasons = reasons_of(ksp)
