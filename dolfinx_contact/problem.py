@@ -26,7 +26,6 @@ from dolfinx_contact._mpi import (
     all_ranks,
     any_rank,
     collective,
-    everywhere,
     keep,
     require,
     same_everywhere,
@@ -882,24 +881,21 @@ class ContactProblem(ReadOnly):
         """
         trial = trial or Trial()
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
-        if any_rank(self.comm, monitor is not None):
-            monitor = self._on_all_ranks(monitor)
         fits = all([self._have(statuses) for statuses in trial.expected])
         require(self.comm, fits, "the expected statuses are not those of these contact points")
-        line = SolveProgress(self.comm, progress)
-        notified: dict[str, Any] = {"monitor": monitor, "progress": line}
+        line = SolveProgress(self.comm, progress, monitor)
         eq, linear = self.equations, self._linear
         with self._unknowns() as x0:
             try:
                 if isinstance(algorithm, str):
                     x, attempts = solve(
-                        eq, linear, x0, increments=increments, trial=trial, **notified
+                        eq, linear, x0, increments=increments, progress=line, trial=trial
                     )
                     if "petsc_options" in eq.warnings or any(a.iterations for a in attempts):
                         eq.warn("petsc_options", eq.options.unread())
                 else:
                     validate(eq, x0)
-                    x, attempts = _classical().solve_by(algorithm, eq, x0, **notified)
+                    x, attempts = _classical().solve_by(algorithm, eq, x0, progress=line)
                 with self.restored():
                     evaluation = attempts[-1].evaluation or eq.evaluate(x)
                     result = self.collect(x, attempts, evaluation, shown)
@@ -915,16 +911,6 @@ class ContactProblem(ReadOnly):
             np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
             for s, codes in zip(self.surfaces, statuses, strict=True)
         )
-
-    def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
-        """Return a monitor that raises an error of one rank on all ranks. Collective."""
-
-        def call(step: Step) -> None:
-            with everywhere(self.comm, "the monitor"):
-                if monitor is not None:
-                    monitor(step)
-
-        return call
 
     @collective("uniqueness", check_seconds)
     def uniqueness(self, *, state: State | None = None, proof_seconds: float = 0.0) -> Uniqueness:

@@ -37,6 +37,7 @@ from dolfinx_contact.solvers.attempts import (
     ConvergenceError,
     SolveProgress,
     Step,
+    unsolved,
 )
 from dolfinx_contact.solvers.newton import LinearSolver
 
@@ -68,7 +69,6 @@ def solve_by(
     equations: ContactEquations,
     x0: PETSc.Vec,
     *,
-    monitor: Callable[[Step], None] | None,
     progress: SolveProgress,
 ) -> tuple[PETSc.Vec, list[Attempt]]:
     """Solve a contact problem. Collective.
@@ -77,8 +77,7 @@ def solve_by(
         algorithm: algorithm with its options.
         equations: contact problem.
         x0: initial unknowns.
-        monitor: function called with every iterate, on every rank.
-        progress: progress line.
+        progress: monitor and progress line.
 
     Returns:
         Vector of unknowns at the solution, and a list that contains the record of the attempt.
@@ -102,21 +101,13 @@ def solve_by(
         progress.clear()
         if equations.comm.rank == 0:
             logger.info("%s, %s", attempt.strategy, step)
-        if monitor is not None:
-            monitor(step)
         progress.step(step)
     if attempt.converged and (reason := diverged(equations, x)):
         attempt.converged = False
         attempt.reason = reason
     if not attempt.converged:
         x.destroy()
-        worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
-        raise ConvergenceError(
-            f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
-            f"({attempt.iterations} iterations{worst})\n"
-            "The displacement and the multipliers are as they were before the solve.",
-            [attempt],
-        )
+        raise ConvergenceError(unsolved([attempt]), [attempt])
     return x, [attempt]
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
+from dolfinx_contact._mpi import any_rank, everywhere
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.equations.measures import Measures
 
@@ -24,6 +25,7 @@ __all__ = [
     "LinearSolverError",
     "SolveProgress",
     "Step",
+    "unsolved",
 ]
 
 
@@ -88,11 +90,6 @@ class Attempt:
     evaluation: Evaluation | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 
-    def report(self, **values: float) -> None:
-        """Append values to the lists in `series`, by name."""
-        for name, value in values.items():
-            self.series.setdefault(name, []).append(float(value))
-
     @property
     def iterations(self) -> int:
         """Number of Newton steps; initial iterates are not counted."""
@@ -132,30 +129,59 @@ class FloatingBodyError(ConvergenceError):
     """Error raised if neither Dirichlet data nor contact prevents a rigid motion of a body."""
 
 
+def unsolved(attempts: Sequence[Attempt], causes: Sequence[str] = ()) -> str:
+    """Return the message of a failed solve.
+
+    Args:
+        attempts: attempts of the strategies.
+        causes: possible causes, one sentence each; default: none.
+    """
+    lines = ["the contact problem was not solved:", *causes]
+    for a in attempts:
+        worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
+        lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
+        for name, places in a.restless.items():
+            listed = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
+            lines.append(f"  points of {name} that keep changing status, among them {listed}")
+    lines.append("The displacement and the multipliers are as they were before the solve.")
+    return "\n".join(lines)
+
+
 class LinearSolverError(ArithmeticError):
     """Error raised if the linear system of a Newton step was not solved."""
 
 
 class SolveProgress(Progress):
-    """Progress line of a solve: strategy, iteration, residual, Krylov iterations, elapsed time.
+    """Monitor and progress line of a solve: strategy, iteration, residual, elapsed time.
 
     Args:
         comm: communicator; only rank 0 writes.
         wanted: whether to show progress; by default it is shown after some seconds, unless the log
             contains every iteration.
-        stream: see `Progress`.
+        monitor: function called with every iterate; an error on one rank is raised on all ranks.
+            Default: None.
 
     Attributes:
         strategy: name of the strategy that is running.
     """
 
-    def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
+    def __init__(
+        self, comm: MPI.Comm, wanted: bool | None, monitor: Callable[[Step], None] | None = None
+    ):
         logged = wanted is None and logging.getLogger("dolfinx_contact").isEnabledFor(logging.INFO)
-        super().__init__(comm, False if logged else wanted, stream=stream)
+        super().__init__(comm, False if logged else wanted)
         self.strategy = ""
+        self._comm = comm
+        self._monitor = monitor
+        self._is_monitored = any_rank(comm, monitor is not None)
 
     def step(self, step: Step) -> None:
-        """Show a Newton iterate in the progress line."""
+        """Call the monitor with an iterate, and show it in the progress line. Collective."""
+        if self._is_monitored:
+            self.clear()  # the monitor may write to the terminal
+            with everywhere(self._comm, "the monitor"):
+                if self._monitor is not None:
+                    self._monitor(step)
         if not self.due:
             return
         parts = [

@@ -57,6 +57,7 @@ from dolfinx_contact.solvers.attempts import (
     FloatingBodyError,
     SolveProgress,
     Step,
+    unsolved,
 )
 from dolfinx_contact.solvers.linear import LinearSolverChoice
 from dolfinx_contact.solvers.newton import Newton
@@ -94,7 +95,6 @@ def solve(
     linear: LinearSolverChoice,
     x0: PETSc.Vec,
     *,
-    monitor: Callable[[Step], None] | None,
     increments: int,
     progress: SolveProgress,
     trial: Trial,
@@ -105,9 +105,8 @@ def solve(
         equations: contact problem.
         linear: linear solver of the problem, created when it is first needed.
         x0: unknowns at the start.
-        monitor: function called with every Newton iterate, on every rank.
         increments: initial number of load increments.
-        progress: progress line.
+        progress: monitor and progress line.
         trial: starting points of the solve, and whether only full Newton steps are tried.
 
     Returns:
@@ -118,13 +117,6 @@ def solve(
             friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges.
     """
-
-    def notify(step: Step) -> None:
-        if monitor is not None:
-            progress.clear()  # the monitor may write to the terminal
-            monitor(step)
-        progress.step(step)
-
     start = validate(equations, x0)
     with everywhere(equations.comm, "PETSc options"):
         equations.options.check()
@@ -147,7 +139,7 @@ def solve(
             progress.strategy = name
             x0.copy(x)
             try:
-                attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
+                attempt.converged = strategy.solve(equations, linear, progress.step, x, attempt)
             except FloatingBodyError as error:
                 attempt.reason = str(error)
                 attempt.floats = True
@@ -178,7 +170,8 @@ def solve(
             return solution, attempts
         if attempts[0].floats:
             raise FloatingBodyError(attempts[0].reason, attempts)
-        raise ConvergenceError(_diagnosis(equations, attempts, failed=failed), attempts)
+        causes = _causes(equations, failed=failed)
+        raise ConvergenceError(unsolved(attempts, causes), attempts)
     finally:
         destroy(*(v for v in (x, turned) if v is not solution))
 
@@ -199,17 +192,12 @@ def _would_fail(name: str, attempts: Sequence[Attempt], inverting: Attempt | Non
     return inverted_again and name != _INCREMENTS
 
 
-def _listed(places: Sequence[Sequence[float]]) -> str:
-    """Return the coordinates of points as text, for messages."""
-    return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
-
-
-def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -> str:
-    """Return the error message of a failed solve: possible causes, and all attempts. Collective.
+def _causes(eq: ContactEquations, *, failed: bool) -> list[str]:
+    """Return possible causes of a failed solve. Collective.
 
     ``failed`` indicates a failure of an iterative solver chosen by options, which ended the solve.
     """
-    lines = ["the contact problem was not solved:"]
+    lines = []
     if eq.bulk.linear:
         diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
         (_, least), (_, largest) = diagonal.min(), diagonal.max()
@@ -231,15 +219,7 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -
             "the Jacobian is indefinite and not symmetric; leave out ksp_type and pc_type, or use "
             "linear_solver='amg'"
         )
-    for a in attempts:
-        worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
-        lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
-        for name, places in a.restless.items():
-            lines.append(
-                f"  points of {name} that keep changing status, among them {_listed(places)}"
-            )
-    lines.append("The displacement and the multipliers are as they were before the solve.")
-    return "\n".join(lines)
+    return lines
 
 
 # -- strategies ------------------------------------------------------------------------------------
