@@ -146,7 +146,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
-        assert gamma is not None  # `_check` replaces None
         self.problem = problem
         self.proof_seconds = _PROOF_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
@@ -348,8 +347,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._condensed_at_gamma = None
         with super().restored(always=True):
             self._set(gamma)
-            constant = fem.Constant(eq.V.mesh, 0.0)
-            fixed = ParametricEquations(eq, constant, lambda: self.problem.linear_solver)
+            fixed = ParametricEquations(eq)
             self._reason_at_gamma = why_not_reducible(fixed)
             if not self._reason_at_gamma:
                 x = fixed.create_vector()

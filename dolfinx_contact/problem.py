@@ -950,7 +950,7 @@ class ContactProblem(ReadOnly):
             evaluation = problem.evaluate()
             moves = state is not None and state.velocity is not None
             require_solution(problem, _IN_MOTION if moves else _NOT_SOLVED)
-            answer = uniqueness(eq, problem._linear, x, evaluation, proof_seconds, problem.state_at)
+            answer = uniqueness(eq, x, evaluation, proof_seconds, problem.state_at)
             proved = answer.verdict == "proved"
             violation = small_sliding_violated(eq, evaluation) if proved else ""
             return Uniqueness("not proved", violation) if violation else answer

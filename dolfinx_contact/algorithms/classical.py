@@ -9,14 +9,11 @@ residuals meet the tolerance of Newton's method, but is not corrected by Newton 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 
 from petsc4py import PETSc
 
 import numpy as np
-
-from dolfinx import fem
 
 from dolfinx_contact._mpi import on_root
 from dolfinx_contact._petsc import staged
@@ -39,7 +36,6 @@ from dolfinx_contact.solvers.attempts import (
     Step,
     unsolved,
 )
-from dolfinx_contact.solvers.newton import LinearSolver
 
 __all__ = ["algorithm_named", "solve_by", "start_by_lemke"]
 
@@ -161,12 +157,7 @@ def _on_points(
         attempt.reason = f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
 
 
-def start_by_lemke(
-    equations: ContactEquations,
-    linear: Callable[[], LinearSolver],
-    x: PETSc.Vec,
-    attempt: Attempt,
-) -> bool:
+def start_by_lemke(equations: ContactEquations, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Condense the body at ``x`` and replace ``x`` by a solution of Lemke's method. Collective.
 
     Lemke's method finds a solution for every friction coefficient if the reduced stiffness is
@@ -176,27 +167,21 @@ def start_by_lemke(
     Returns:
         Whether a solution was found.
     """
-    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    reduction: Reduction | None = None
-    known = all(s.law.bound_kind == "proportional" for s in equations.surfaces)
+    if not all(s.law.bound_kind == "proportional" for s in equations.surfaces):
+        attempt.reason = "needs Coulomb's law or contact without friction"
+        return False
+    system = ParametricEquations(equations)
+    if not can_condense(system, partly=True):
+        attempt.reason = "the body cannot be condensed onto its contact points"
+        return False
     try:
-        if not known:
-            attempt.reason = "needs Coulomb's law or contact without friction"
-            return False
-        if not can_condense(system, partly=True):
-            attempt.reason = "the body cannot be condensed onto its contact points"
-            return False
-        reduction = Reduction(system, x, 0.0, exact=True)
-        problem = reduction.problem(unit=reduction.force_unit)
-        w, _ = on_root(
-            equations.comm, lambda: coulomb_by_lemke(problem.S, problem.p, problem.friction)
-        )
-        reduction.expand(w, 0.0, x)
+        with Reduction(system, x, 0.0, exact=True) as reduction:
+            problem = reduction.problem(unit=reduction.force_unit)
+            w, _ = on_root(
+                equations.comm, lambda: coulomb_by_lemke(problem.S, problem.p, problem.friction)
+            )
+            reduction.expand(w, 0.0, x)
     except (RayTermination, ValueError, RuntimeError) as error:
         attempt.reason = str(error)
         return False
-    finally:
-        if reduction is not None:
-            reduction.destroy()
-        system.destroy()
     return True

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
 
-from dolfinx import fem
-
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import on_root
 from dolfinx_contact.analysis.renard import criterion_at
@@ -17,7 +15,6 @@ from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.jacobian import JacobianSolver
 from dolfinx_contact.equations.parametric_equations import ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
@@ -134,7 +131,6 @@ def proved_rays(
 
 def uniqueness(
     equations: ContactEquations,
-    linear: Callable[[], JacobianSolver],
     x: PETSc.Vec,
     evaluation: Evaluation,
     seconds: float,
@@ -147,7 +143,6 @@ def uniqueness(
 
     Args:
         equations: equations of the contact problem.
-        linear: function returning the linear solver of the Jacobian.
         x: vector of unknowns at the solution.
         evaluation: evaluation of the equations at the solution.
         seconds: time limit of the branch and bound that follows the certificate of one point
@@ -158,7 +153,7 @@ def uniqueness(
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
     plane = equations.dim == 2
-    system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+    system = ParametricEquations(equations)
     condensed: Reduction | None = None
     answer: Uniqueness | None = None
     try:
@@ -172,7 +167,6 @@ def uniqueness(
     finally:
         if condensed is not None:
             condensed.destroy()
-        system.destroy()
     if answer is not None and (plane or answer.verdict != "not proved"):
         return answer
     if plane:

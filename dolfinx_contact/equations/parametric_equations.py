@@ -53,6 +53,10 @@ logger = logging.getLogger(__name__)
 _MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batches
 
 
+def _no_solver() -> JacobianSolver:
+    raise AssertionError("these equations have no linear solver")
+
+
 class ParametricEquations(System):
     """Residual H(x, gamma) of a contact problem with a parameter gamma, for the continuation.
 
@@ -62,8 +66,9 @@ class ParametricEquations(System):
     Args:
         equations: contact problem.
         gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
-            of a rigid body.
-        linear: function returning the linear solver of the problem.
+            of a rigid body. Default: a Constant that does not occur.
+        linear: function returning the linear solver of the problem; not needed for a `Reduction`,
+            which has its own factorisation.
         driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
             gamma and the position.
 
@@ -78,11 +83,13 @@ class ParametricEquations(System):
     def __init__(
         self,
         equations: ContactEquations,
-        gamma: fem.Constant,
-        linear: Callable[[], JacobianSolver],
+        gamma: fem.Constant | None = None,
+        linear: Callable[[], JacobianSolver] = _no_solver,
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
+        if gamma is None:
+            gamma = fem.Constant(equations.V.mesh, 0.0)
         self.equations = equations
         self.constant = gamma
         self.comm = equations.comm

@@ -41,8 +41,6 @@ from petsc4py import PETSc
 import numpy as np
 from scipy.sparse import csc_matrix as Columns
 
-from dolfinx import fem
-
 from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact._mpi import SharedValues, require, total
 from dolfinx_contact._petsc import destroy, staged, triplet_matrix
@@ -169,7 +167,7 @@ class Reduction:
                 its stiffness or loads are not finite or its stiffness is not symmetric.
         """
         check_reducible(equations)
-        system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), _no_solver)
+        system = ParametricEquations(equations)
         nothing = system.create_vector()
         try:
             reduction = cls(system, nothing, 0.0, exact=True, conic=False)
@@ -494,10 +492,6 @@ class Reduction:
         """Free the PETSc objects."""
         self._freed = True
         destroy(self._body, self._x)
-
-
-def _no_solver() -> Any:
-    raise AssertionError("a reduction solves by its own factorisation")
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:

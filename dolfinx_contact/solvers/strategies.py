@@ -345,7 +345,7 @@ def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     if solver.max_iterations < 1:
         attempt.reason = "no convergence in 0 iterations"
         return False
-    found = start_by_lemke(solver.equations, lambda: solver.linear, x, attempt)
+    found = start_by_lemke(solver.equations, x, attempt)
     return found and solver.run(x, attempt)
 
 

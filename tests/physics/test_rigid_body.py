@@ -435,12 +435,12 @@ def test_lemke_solves_with_a_prescribed_rigid_motion():
     u = problem.u.x.array.copy()
     x = problem.create_vector()
     attempt = Attempt("Lemke's method", "")
-    assert start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
+    assert start_by_lemke(problem.equations, x, attempt)
     problem.read(x)
     np.testing.assert_allclose(problem.u.x.array, u, atol=1e-12)
     problem, _, _ = parametric()
     x = problem.create_vector()
-    assert not start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
+    assert not start_by_lemke(problem.equations, x, attempt)
     assert "not positive definite" in attempt.reason
 
 
