@@ -961,7 +961,7 @@ class ContactProblem(ReadOnly):
         Raises:
             ValueError: on every rank, if the data are not admissible.
         """
-        from dolfinx_contact.analysis.theory import theory_of
+        from dolfinx_contact.analysis.body_proofs import theory_of
 
         with self._unknowns() as x:
             validate(self.equations, x)

@@ -1,5 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Proofs of uniqueness and completeness for problems condensed onto their contact points."""
+"""Proofs of uniqueness and completeness for problems condensed onto their contact points.
+
+Where no certificate applies, theorems decide. They require a stiffness K that is symmetric and
+positive definite on the free displacements, gaps that are linear in the displacement (small
+sliding), and a contact law that holds node by node:
+
+- Without friction, and for a prescribed friction bound (Tresca), there is exactly one solution, the
+  minimiser of a strictly convex energy (Lions and Stampacchia, Comm. Pure Appl. Math. 20, 1967;
+  Duvaut and Lions, Les inequations en mecanique et en physique, 1972, chapter 3).
+- With Coulomb friction, there is at least one solution for any coefficient: the pressure of
+  Tresca's solution depends continuously on its friction bound, which yields a fixed point by
+  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). The solution is unique below a
+  coefficient that depends on the mesh and is not computable; uniqueness therefore requires a
+  certificate.
+
+Definiteness is decided by the signs of the pivots of K, up to round-off.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +25,8 @@ from collections.abc import Callable, Sequence
 from petsc4py import PETSc
 
 from dolfinx_contact._arrays import Array, Codes
-from dolfinx_contact._mpi import on_root
+from dolfinx_contact._mpi import any_rank, on_root
 from dolfinx_contact.analysis.renard import criterion_at
-from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -22,13 +37,15 @@ from dolfinx_contact.proofs.check_proof import ReducedProblem
 from dolfinx_contact.proofs.only_solution import is_only
 from dolfinx_contact.proofs.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.proofs.solutions import ProvedSolutions, prove_solutions
+from dolfinx_contact.reduced.constrained_body import is_positive_definite
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import why_not_reducible
-from dolfinx_contact.results.uniqueness import Uniqueness
+from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 
 __all__ = [
     "proved",
     "proved_rays",
+    "theory_of",
     "uniqueness",
     "why_not_provable",
 ]
@@ -41,6 +58,7 @@ _MOST_PROVED = 128  # largest number of points in 3D for the certificate of one 
 _MOST_POINTS = 300  # largest number of points in 3D for Renard's criterion by default
 _EFFORT = 60  # iterations of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # factor at which this search ends
+_NONE = "no computable theorem applies: "
 
 
 def why_not_provable(equations: ContactEquations, condensed: Reduction | None) -> str:
@@ -249,3 +267,42 @@ def _by_theory(equations: ContactEquations, obstacle: str) -> Uniqueness:
     if theory.exists and theory.unique:
         return Uniqueness("proved", theory.reason)
     return Uniqueness("not proved", obstacle)
+
+
+def theory_of(eq: ContactEquations) -> Theory:
+    """Return the theorems that apply to a problem with its current data. Collective."""
+    rubs = _coefficients(eq)
+    for applies, what in (
+        (eq.bulk.linear, "the body is not linear"),
+        (eq.linear, "gap and normal depend on the displacement"),
+        (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
+        (not eq.is_weak, "the law does not hold node by node"),
+        (eq.rigid.size == 0, "a rigid body moves"),
+        (len(eq.scaling.loose) == 0, "a body is not held by Dirichlet data"),
+    ):
+        if not applies:
+            return Theory(False, False, _NONE + what)
+    stiffness = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+    if not is_positive_definite(eq, stiffness):
+        what = "the stiffness is not symmetric and positive definite"
+        return Theory(False, False, _NONE + what)
+    if not rubs:
+        return Theory(True, True, "exactly one solution, the state of least energy")
+    return Theory(True, False, "at least one solution for every coefficient of friction")
+
+
+def _coefficients(eq: ContactEquations) -> bool | None:
+    """Return whether any friction coefficient is positive. Collective.
+
+    None if the theorems do not cover a contact law of the problem.
+    """
+    if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
+        return None
+    x = eq.unknowns.create_vector()
+    evaluation = eq.evaluate_contact(x)
+    x.destroy()
+    mine = any(
+        s.law.bound_kind == "proportional" and bool((known.answers.unit_bound > 0).any())
+        for s, known in zip(eq.surfaces, evaluation.surfaces, strict=True)
+    )
+    return any_rank(eq.comm, mine)

@@ -38,7 +38,6 @@ LAYERS = [
 FROM_ABOVE = (
     f"{PACKAGE}.algorithms.classical",
     f"{PACKAGE}.analysis.body_proofs",
-    f"{PACKAGE}.analysis.theory",
 )
 ASKING = (f"{PACKAGE}.problem", f"{PACKAGE}.parametric", f"{PACKAGE}.solvers.strategies")
 #: Modules that may import the package itself, which imports none of them.
