@@ -29,14 +29,12 @@ list is complete. SLEPc is used with a factorisation. With multigrid, Davidson's
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
@@ -74,8 +72,6 @@ __all__ = [
     "solver_of_body",
     "takes_all",
 ]
-
-Complex = npt.NDArray[np.complex128]
 
 #: Points up to which all eigenvalues are computed; multigrid needs one solve per point.
 _DENSE = {"direct": 512, "amg": 64}
@@ -302,16 +298,6 @@ class _PressureByShear:
         self._slip.D.mult(self._u, self._f)
         return np.array([shear, self._f.array_r, pressure])
 
-    def _gathered(
-        self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
-    ) -> SlipModes:
-        """Call ``modes`` with the data of all slipping points and return its result. Collective.
-
-        ``seen`` holds shears, slips and pressures of this rank for each vector, shape (3, m).
-        """
-        columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
-        return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
-
     def all(self) -> SlipModes:
         """Return all coefficients F, from all eigenvalues 1/F of T, with slips and shears."""
         D = self._slip.D
@@ -344,9 +330,7 @@ class _PressureByShear:
         More than ``count`` are computed if none of them has a slip of one sign. The eigenvalues 1/F
         of T are found in order of decreasing magnitude. An unfinished search for the next
         eigenvalue still gives an upper bound of the remaining magnitudes. Among close eigenvalues
-        it may find one that is not the largest. Let the columns of f be the shears found so far, E
-        f the slips and T f the pressures caused by these shears. On the span of f, the eigenvalues
-        of T are the eigenvalues of (f^T E f)^-1 f^T E T f.
+        it may find one that is not the largest.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -380,16 +364,20 @@ class _PressureByShear:
     def _on_shears(self, seen: list[Array], known: float) -> SlipModes:
         """Return the coefficients F from the eigenvalues 1/F of T on a subspace of shears.
 
+        Let the columns of f be shears that span the subspace, E f the slips and T f the pressures
+        caused by these shears. The eigenvalues are those of (f^T E f)^-1 f^T E T f.
+
         Args:
             seen: shears, slips and pressures of each vector of the basis, shape (3, m) each.
             known: magnitude below which no coefficient F is missing.
         """
 
         def modes(f: Array, slips: Array, pressures: Array, softness: Array) -> SlipModes:
-            values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
+            values, y = np.linalg.eig(np.linalg.solve(slips.T @ f, slips.T @ pressures))
             return SlipModes.of(values, f @ y, slips @ y, pressures @ y, softness, known)
 
-        return self._gathered(seen, modes)
+        columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
+        return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 
     # -- SLEPc ------------------------------------------------------------------------------------
 
@@ -397,28 +385,13 @@ class _PressureByShear:
         """Compute the largest eigenvalues 1/F of T by SLEPc, using products with T only."""
         T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
-        number = solver.getConverged()
-        # Ask for the subspace first: SLEPc frees it when it computes eigenvectors.
-        subspace = solver.getInvariantSubspace() if number else []
-        real, imaginary = T.createVecs()
-        values: list[complex] = []
-        seen: list[Complex] = []
-        for i in range(number):
-            values.append(solver.getEigenpair(i, real, imaginary))
-            seen.append(self._respond(real.array_r).astype(complex))
-            if values[-1].imag:
-                seen[-1] += 1j * self._respond(imaginary.array_r)
-        known = self._known_up_to(T, subspace) if values else 0.0
-        destroy(real, imaginary, solver, *subspace, T)
-        if not values:
+        subspace = solver.getInvariantSubspace() if solver.getConverged() else []
+        seen = [self._respond(shear.array_r) for shear in subspace]
+        known = self._known_up_to(T, subspace) if seen else 0.0
+        destroy(solver, *subspace, T)
+        if not seen:
             raise RuntimeError("SLEPc found no critical friction: increase -analysis_eps_max_it")
-
-        def modes(
-            shears: Complex, slips: Complex, pressures: Complex, softness: Array
-        ) -> SlipModes:
-            return SlipModes.of(np.array(values), shears, slips, pressures, softness, known)
-
-        return self._gathered(seen, modes)
+        return self._on_shears(seen, known)
 
     def _mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.solve(x.array_r)[1]
