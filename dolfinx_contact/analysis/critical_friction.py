@@ -52,7 +52,7 @@ from dolfinx_contact.analysis.rows import (
     solve_eigenproblem,
     static_equations,
 )
-from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
+from dolfinx_contact.analysis.slip import Direction, Slip
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import require_solution
@@ -200,7 +200,7 @@ def critical_friction(
     evaluation = problem.evaluate()
     if isinstance(direction, str):
         require_solution(problem)
-    slip = Slip(eq, SlipPattern.of(eq, direction, evaluation, by_law=True), hold_across=True)
+    slip = Slip(eq, direction, evaluation)
     slip.require_held()
     operator = _PressureByShear(eq, slip, evaluation.u, solver)
     try:

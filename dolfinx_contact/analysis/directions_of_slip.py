@@ -40,7 +40,7 @@ from dolfinx_contact.analysis.rows import (
     require_nodes,
     static_equations,
 )
-from dolfinx_contact.analysis.slip import TOLERANCE, Slip, SlipPattern, free_motions
+from dolfinx_contact.analysis.slip import TOLERANCE, Slip, free_motions
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.reduced.constrained_body import columns_of
 
@@ -194,12 +194,11 @@ class _AllTangents:
     def coefficients(self, direction: Array) -> Array:
         """Return all critical F of a direction with a real slip of one sign; requires `held`."""
         eq = self._eq
-        pattern = SlipPattern.of(eq, direction, None, by_law=True)
-        slip = Slip(eq, pattern, hold_across=True)
+        slip = Slip(eq, direction, None)
         softness = softness_of(slip.D, eq.bulk.stiffness(self._u))
         slip.destroy()
         C, P = self._responses
-        held = ~pattern.loose[self._point]
+        held = ~slip.loose[self._point]
         along = self._point[:, None] == slip.places
         slips = np.where(along, self._axes @ slip.directions.T, 0.0)
         pressed = np.searchsorted(self._places, slip.places)

@@ -15,7 +15,6 @@ is not in contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from petsc4py import PETSc
@@ -42,7 +41,7 @@ from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
-__all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
+__all__ = ["TOLERANCE", "Direction", "Slip", "free_motions"]
 
 #: Slip direction: a vector, of which the tangential part is used; ``"solution"`` for the slipping
 #: points and directions of the solution in the Functions; or None for t = (-n_y, n_x) in 2D.
@@ -51,126 +50,53 @@ Direction = npt.ArrayLike | Literal["solution"] | None
 TOLERANCE = 1e-6  # error of a direction cosine that counts as zero
 
 
-@dataclass(frozen=True)
-class SlipPattern:
-    """Contact points of this rank, concatenated over all surfaces.
-
-    Attributes:
-        closed: mask of the points in contact, shape (n,).
-        directions: unit slip directions, 0 at sticking points, shape (n, dim).
-        loose: mask of the closed points whose shear does not depend on the pressure, because they
-            have no friction or slip under a prescribed bound, shape (n,).
-    """
-
-    closed: Mask
-    directions: Array
-    loose: Mask
-
-    @classmethod
-    def of(
-        cls,
-        eq: ContactEquations,
-        direction: Direction,
-        evaluation: Evaluation | None,
-        *,
-        by_law: bool = False,
-    ) -> SlipPattern:
-        """Return the slip pattern of a solution, or of slip of all points in one direction.
-
-        Collective.
-
-        Args:
-            eq: contact problem.
-            direction: slip direction as a vector, "solution" for the pattern of ``evaluation``, or
-                None for the tangents (-n_y, n_x) in 2D.
-            evaluation: solution, used if ``direction`` is "solution".
-            by_law: whether the laws determine the loose points; by default no point is loose.
-
-        Raises:
-            ValueError: on every rank, if the direction is not valid, or is normal to the surface at
-                a point with friction.
-        """
-        n = point_normals(eq)
-        smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
-        if isinstance(direction, str):
-            require(eq.comm, direction == "solution", _unknown(direction))
-            assert evaluation is not None
-            touching, along = cls._of_state(eq, evaluation)
-        else:
-            touching = np.ones(len(n), dtype=bool)
-            along = cls._along(eq, direction, smooth)
-        return cls(touching, along, touching & (smooth | (given & along.any(axis=1))))
-
-    @staticmethod
-    def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
-        """Return unit tangents along a direction; 0 at frictionless points where it is normal."""
-        n = point_normals(eq)
-        if direction is None:
-            require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
-            return plane_tangents(n)
-        try:
-            given = np.asarray(direction, dtype=np.float64)
-        except (TypeError, ValueError):
-            given = np.full(0, np.nan)
-        fits = given.shape == (eq.dim,) and bool(np.isfinite(given).all() and given.any())
-        require(eq.comm, fits, _unknown(direction))
-        along = unit(split(n, given / np.linalg.norm(given))[1], TOLERANCE)
-        message = f"the direction of slip {given.tolist()} is normal to the contact surface"
-        require(eq.comm, bool(along[~smooth].any(axis=1).all()), message)
-        return along
-
-    @staticmethod
-    def _of_state(eq: ContactEquations, evaluation: Evaluation) -> tuple[Mask, Array]:
-        n = point_normals(eq)
-        codes = np.concatenate([c for c in evaluation.statuses])
-        touching = closed(codes)
-        sense = senses(codes)
-        sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
-        if eq.dim == 2:
-            tangent = plane_tangents(n)
-        else:
-            tangent = unit(split(n, np.concatenate([s.jump for s in evaluation.surfaces]))[1])
-        return touching, sign[:, None] * tangent
-
-
-def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
-    """Return masks of points without friction and of points with a Tresca bound, shape (n,)."""
-    flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
-    numbers = [s.points.number for s in eq.surfaces]
-    smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
-    return smooth, given
-
-
-def _unknown(direction: Any) -> str:
-    return f'a direction of slip is a vector or "solution", got {direction!r}'
-
-
 class Slip:
     """Matrices that map displacements to the jump components of a slip pattern. Collective.
 
     Args:
         eq: contact problem with contact at nodes.
-        pattern: slipping points and their directions.
-        hold_across: whether transverse slip is held in 3D.
+        direction: slip direction of all points as a vector, "solution" for the pattern of
+            ``evaluation``, or None for the tangents (-n_y, n_x) in 2D.
+        evaluation: solution, used if ``direction`` is "solution".
+        steady: whether all closed points slide steadily: none is loose, and transverse slip is not
+            held in 3D. By default the laws determine the loose points.
 
     Attributes:
+        loose: mask of the closed points of this rank whose shear does not depend on the pressure,
+            because they have no friction or slip under a prescribed bound, shape (n,).
         number: number of slipping points on all ranks.
         places: indices of the slipping points of this rank among its contact points.
+        directions: unit slip directions of these points, shape (number of places, dim).
         N, D, H: matrices of normal jumps, slips and held components; 0 in Dirichlet columns.
 
     Raises:
-        ValueError: on every rank, with ``method="integral"``, if several surfaces hold the same
+        ValueError: on every rank, if the direction is not valid, or is normal to the surface at a
+            point with friction, with ``method="integral"``, if several surfaces hold the same
             node, or if no point can slip.
     """
 
-    def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):
+    def __init__(
+        self,
+        eq: ContactEquations,
+        direction: Direction,
+        evaluation: Evaluation | None,
+        *,
+        steady: bool = False,
+    ):
         self._eq = eq
         self.comm = eq.comm
-        require_nodes(eq)
         n = point_normals(eq)
-        d = pattern.directions
-        touching = pattern.closed & is_free(eq, n, 1 - TOLERANCE)
-        loose = touching & pattern.loose
+        smooth, given = np.zeros((2, len(n)), dtype=bool) if steady else _laws(eq)
+        if isinstance(direction, str):
+            require(eq.comm, direction == "solution", _unknown(direction))
+            assert evaluation is not None
+            touching, d = _of_state(eq, evaluation)
+        else:
+            touching, d = np.ones(len(n), dtype=bool), _along(eq, direction, smooth)
+        self.loose = touching & (smooth | (given & d.any(axis=1)))
+        require_nodes(eq)
+        touching = touching & is_free(eq, n, 1 - TOLERANCE)
+        loose = touching & self.loose
         _require_nodes_of_one(eq, touching, loose)
         slips = touching & ~loose & is_free(eq, d, 1 - TOLERANCE)
         self.places = np.flatnonzero(slips)
@@ -181,7 +107,7 @@ class Slip:
         # Held tangents, as far as Dirichlet data leave them free.
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
         across -= np.einsum("ni,nj->nij", d, d) * slips[:, None, None]
-        across *= (touching & ~loose & (~slips | hold_across))[:, None, None]
+        across *= (touching & ~loose & ~(slips & steady))[:, None, None]
         point, axes = free_axes(eq, across)
         held = np.concatenate([n[pressed], axes])
         self.N = component_rows(eq, self.places, n[slips])
@@ -214,6 +140,50 @@ class Slip:
         destroy(self.N, self.D, self.H)
 
 
+def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
+    """Return unit tangents along a direction; 0 at frictionless points where it is normal."""
+    n = point_normals(eq)
+    if direction is None:
+        require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
+        return plane_tangents(n)
+    try:
+        given = np.asarray(direction, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.full(0, np.nan)
+    fits = given.shape == (eq.dim,) and bool(np.isfinite(given).all() and given.any())
+    require(eq.comm, fits, _unknown(direction))
+    along = unit(split(n, given / np.linalg.norm(given))[1], TOLERANCE)
+    message = f"the direction of slip {given.tolist()} is normal to the contact surface"
+    require(eq.comm, bool(along[~smooth].any(axis=1).all()), message)
+    return along
+
+
+def _of_state(eq: ContactEquations, evaluation: Evaluation) -> tuple[Mask, Array]:
+    """Return a mask of the closed points of a solution, and unit slip directions or 0."""
+    n = point_normals(eq)
+    codes = np.concatenate([c for c in evaluation.statuses])
+    touching = closed(codes)
+    sense = senses(codes)
+    sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
+    if eq.dim == 2:
+        tangent = plane_tangents(n)
+    else:
+        tangent = unit(split(n, np.concatenate([s.jump for s in evaluation.surfaces]))[1])
+    return touching, sign[:, None] * tangent
+
+
+def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
+    """Return masks of points without friction and of points with a Tresca bound, shape (n,)."""
+    flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
+    numbers = [s.points.number for s in eq.surfaces]
+    smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
+    return smooth, given
+
+
+def _unknown(direction: Any) -> str:
+    return f'a direction of slip is a vector or "solution", got {direction!r}'
+
+
 def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> None:
     """Raise `ValueError` if rigid obstacles constrain a motion of a node twice. Collective.
 
@@ -223,7 +193,7 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> 
     Args:
         eq: contact problem.
         touching: mask of the closed points of this rank, shape (n,).
-        loose: mask of the loose points (`SlipPattern`), shape (n,).
+        loose: mask of the loose points (`Slip`), shape (n,).
     """
     on_obstacle = [i for i, s in enumerate(eq.surfaces) if not s.between_bodies]
     if len(on_obstacle) < 2:

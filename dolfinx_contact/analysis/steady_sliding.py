@@ -45,7 +45,7 @@ from dolfinx_contact.analysis.rows import (
     solve_eigenproblem,
     static_equations,
 )
-from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
+from dolfinx_contact.analysis.slip import Direction, Slip
 from dolfinx_contact.analysis.vibrations import DenseBody, body_of, damped, first_order
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.reduced.constrained_body import ConstrainedField, saddle, with_dirichlet_rows
@@ -158,8 +158,7 @@ class SteadySliding(ReadOnly):
         evaluation = problem.evaluate()
         if isinstance(direction, str):
             require_solution(problem)
-        pattern = SlipPattern.of(eq, direction, evaluation)
-        self._slip = Slip(eq, pattern, hold_across=False)
+        self._slip = Slip(eq, direction, evaluation, steady=True)
         self._body = body_of(eq, evaluation.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
         self._count = count
