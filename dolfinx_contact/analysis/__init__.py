@@ -5,14 +5,13 @@ Proofs that all solutions are known are in `dolfinx_contact.proofs`.
 """
 
 from dolfinx_contact.analysis.branch_counts import BranchCounts, ProvedCount, prove_counts
-from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions
+from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions, solution_regions
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.directions_of_slip import (
     FrictionByDirection,
     critical_friction_by_direction,
 )
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
-from dolfinx_contact.analysis.regions import solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.shakedown import LoadCycles, Shakedown, shakedown
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest

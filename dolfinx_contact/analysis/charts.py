@@ -2,15 +2,27 @@
 """Charts: number of solutions of a contact problem in cells of two parameters.
 
 All solutions at the midpoint of each cell are searched for, with a proof of completeness
-(`proofs`). A cell is divided if a curve of folds passes through it, or if the number of solutions
-differs from a neighbouring cell without a known curve between them. Proofs hold at the midpoints;
-changes within a cell are not excluded.
+(`proofs`).
+
+`count_solutions` begins with equal rectangles. A cell is divided if a curve of folds passes through
+it, or if the number of solutions differs from a neighbouring cell without a known curve between
+them. Proofs hold at the midpoints; changes within a cell are not excluded.
+
+In `solution_regions`, curves of folds and of events (`event_curves`, with ``folds_only=False``)
+divide the plane into cells. The values of the second parameter at which curves end, meet or cross
+define strips. Within a strip the curves lie one above the other, and a cell lies between two of
+them. If no curve is missing, the number and statuses of the solutions are constant in a cell.
+
+Completeness of the curves is not proved. A missing curve is detected as a change of the solutions
+between neighbouring cells without a curve between them (`Chart.explained`), unless the curve lies
+inside a single cell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -18,7 +30,7 @@ from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Progress
 from dolfinx_contact._validate import count, positive
-from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, layers, strips
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
@@ -28,14 +40,15 @@ __all__ = [
     "Chart",
     "ChartCell",
     "count_solutions",
-    "letters",
-    "solutions_at",
+    "solution_regions",
 ]
 
 #: Statuses of all points of each solution, as bytes.
 Statuses = tuple[bytes, ...]
 
 _SAME = 1e-9  # distance to the end of a cell that counts as zero, relative to the range of mu
+_NEAR = 1e-9  # distance of curves that count as one, relative to the range of gamma
+_SIDE = 1e-6  # shortest part of a side that cells share, relative to the range of gamma
 
 
 @dataclass(frozen=True)
@@ -131,7 +144,7 @@ class Chart:
         raise ValueError(f"({mu:g}, {gamma:g}) is outside the cells")
 
 
-def solutions_at(
+def _solutions_at(
     family: ContactFamily,
     places: Sequence[tuple[float, float]],
     known: Sequence[Statuses],
@@ -168,7 +181,7 @@ def solutions_at(
     return [every[number] for number in range(len(places))]
 
 
-def letters(solutions: Statuses) -> tuple[str, ...]:
+def _letters(solutions: Statuses) -> tuple[str, ...]:
     """Return the sorted statuses of solutions as strings, with one letter per contact point."""
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
@@ -290,7 +303,7 @@ class _Counting:
         leaves = sorted(leaves + level, key=lambda leaf: (leaf.i, leaf.j))
         kept = () if curves is None else curves.curves
         cells = (
-            replace(self._cell(v), solutions=letters(v.codes), proved=v.proved) for v in leaves
+            replace(self._cell(v), solutions=_letters(v.codes), proved=v.proved) for v in leaves
         )
         return Chart(tuple(cells), kept)
 
@@ -306,7 +319,7 @@ class _Counting:
         """Return cells with their solutions, using the known solutions as initial states."""
         places = [self._cell(leaf).middle for leaf in leaves]
         known = [leaf.codes for leaf in leaves]
-        found = solutions_at(self._family, places, known, self._seconds, "cells")
+        found = _solutions_at(self._family, places, known, self._seconds, "cells")
         for leaf, (codes, _) in zip(leaves, found, strict=True):
             self.raster[leaf.place()] = len(codes)
         return [replace(v, codes=c, proved=p) for v, (c, p) in zip(leaves, found, strict=True)]
@@ -344,3 +357,89 @@ class _Counting:
                 if 0 <= j < along:
                     passed[min(number // 8, across - 1), j] = True
         return passed
+
+
+# -- cells between curves --------------------------------------------------------------------------
+
+
+def _check_regions(a: Arguments) -> None:
+    a.mu_range = checked_range(a.mu_range, [], "mu")
+    a.gamma_range = checked_range(a.gamma_range, [])
+    positive(a.proof_seconds, "proof_seconds", infinite=True)
+
+
+@collective("regions", _check_regions)
+def solution_regions(
+    family: ContactFamily,
+    curves: EventCurves,
+    *,
+    mu_range: tuple[float, float],
+    gamma_range: tuple[float, float],
+    proof_seconds: float = 20.0,
+) -> Chart:
+    """Find the solutions in each cell between curves. Collective; ranks share the cells.
+
+    Args:
+        family: problem with two parameters, the same on all ranks of its communicator.
+        curves: all curves of folds and events, found with the same ranges.
+        mu_range: smallest and largest value of the second parameter mu.
+        gamma_range: smallest and largest value of the load parameter gamma.
+        proof_seconds: time limit of the proof in each cell, in seconds. Default 20.
+
+    Raises:
+        ValueError: on every rank, if an argument is not valid.
+    """
+    low, high = gamma_range
+    near = _NEAR * (high - low)
+    bare = []
+    for span in strips(curves.curves, mu_range):
+        middle = (span[0] + span[1]) / 2
+        inside = [
+            g
+            for g in layers(curves.curves, span, near)
+            if low + near < g[0].at(middle) < high - near
+        ]
+        for below, above in pairwise([(), *inside, ()]):
+            bare.append(ChartCell(span, gamma_range, below=below, above=above))
+    none = [()] * len(bare)
+    found = _solutions_at(family, [cell.middle for cell in bare], none, proof_seconds, "regions")
+    cells = tuple(
+        replace(cell, solutions=_letters(statuses), proved=proved)
+        for cell, (statuses, proved) in zip(bare, found, strict=True)
+    )
+    bounds = dict.fromkeys(curve for cell in cells for curve in (*cell.below, *cell.above))
+    return Chart(cells, tuple(bounds), _are_explained(cells))
+
+
+def _are_explained(cells: Sequence[ChartCell]) -> bool:
+    """Return whether the solutions of neighbouring cells differ only as curves require."""
+    stacked = [(a, b) for a, b in pairwise(cells) if a.mu == b.mu]
+    neighbours = [(a, b) for a, b in combinations(cells, 2) if a.mu[1] == b.mu[0] and _touch(a, b)]
+    return all(_differ_as_required(a, b) for a, b in stacked) and all(
+        a.solutions == b.solutions for a, b in neighbours
+    )
+
+
+def _touch(left: ChartCell, right: ChartCell) -> bool:
+    """Return whether two cells in neighbouring strips share a part of an edge."""
+    low, high = left.ends(left.mu[1])
+    least, most = right.ends(right.mu[0])
+    return min(high, most) - max(low, least) > _SIDE * (left.gamma[1] - left.gamma[0])
+
+
+def _differ_as_required(below: ChartCell, above: ChartCell) -> bool:
+    """Return whether the solutions of two cells differ as the curves between them require.
+
+    Two solutions appear or vanish across a fold; one solution changes its statuses across an event.
+    """
+    mu = below.middle[0]
+    lower = set(below.solutions)
+    upper = set(above.solutions)
+    if len(below.above) == 1:
+        (curve,) = below.above
+        statuses = set(curve.statuses_at(mu))
+        sides = (statuses <= lower, statuses <= upper)
+        # a fold has both solutions on one side, an event has one on each side
+        fits = any(sides) if curve.kind == "fold" else not any(sides)
+        return lower ^ upper == statuses and fits
+    return lower ^ upper <= set().union(*(curve.statuses_at(mu) for curve in below.above))
