@@ -51,9 +51,8 @@ class LoadCycles:
         dissipation: frictional dissipation of every cycle.
         slid: largest slip increment of a step in the last cycle, at points with friction.
         lifts: whether a point opened or closed in the last cycle.
-        loads: loads at the n steps of a cycle on m points, shape (n, dim m).
-        before: displacements at the beginning of the last cycle, shape (m, dim).
-        displacements: displacements after each step of the last cycle, shape (n, m, dim).
+        displacements: displacements of the m points after each of the n steps of the last cycle,
+            shape (n, m, dim).
         forces: forces after each step of the last cycle, shape (n, m, dim).
     """
 
@@ -63,8 +62,6 @@ class LoadCycles:
     dissipation: Array
     slid: float
     lifts: bool
-    loads: Array
-    before: Array
     displacements: Array
     forces: Array
 
@@ -124,8 +121,6 @@ def step_cycles(
         np.array(work),
         slid,
         lifts,
-        loads,
-        before,
         displacements,
         forces,
     )

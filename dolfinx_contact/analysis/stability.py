@@ -44,7 +44,6 @@ import ufl
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact._mpi import (
-    Arguments,
     any_rank,
     collective,
     count_of,
@@ -53,7 +52,6 @@ from dolfinx_contact._mpi import (
     require,
 )
 from dolfinx_contact._petsc import destroy, is_symmetric, staged
-from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -84,6 +82,7 @@ __all__ = ["Stability", "stability_at_rest"]
 Label = Literal["stable", "unstable", "not decided"]
 
 _LARGEST = 700  # unknowns of dense eigenproblems
+_MOST_PIECES = 1024  # eigenproblems for the points at a border
 # Distance to a border that counts as zero, relative to the largest force or to the body size.
 _BORDER = 1e-8
 _REAL = 1e-9  # relative imaginary part that counts as zero
@@ -121,14 +120,10 @@ class Stability:
     frequency: float = 0.0
 
 
-def _check(a: Arguments) -> None:
-    count(a.max_count, "max_count")
-
-
-@collective("stability at rest", _check)
+@collective("stability at rest")
 @staged("ContactStability")
 def stability_at_rest(
-    problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, max_count: int = 1024
+    problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0
 ) -> Stability:
     """Determine the stability of the equilibrium in the Functions. Collective.
 
@@ -144,8 +139,6 @@ def stability_at_rest(
             the label only if the stiffness is not symmetric (follower loads).
         damping: damping time, the ratio of damping and stiffness, or a UFL form of the damping with
             a trial and a test function. Default 0.
-        max_count: largest number of eigenproblems; if more are needed, the label is "unstable" or
-            "not decided". Default 1024.
 
     Raises:
         ValueError: on every rank, for invalid arguments and for other contact laws.
@@ -175,7 +168,7 @@ def stability_at_rest(
                 reason = f"{body.unknowns} unknowns are too many"
             return Stability("not decided", border=points.border, reason=reason)
         gathered = _Gathered(body, points)
-        return on_root(eq.comm, lambda: _decided(gathered, max_count, quiet=quiet))
+        return on_root(eq.comm, lambda: _decided(gathered, quiet=quiet))
     finally:
         body.destroy()
 
@@ -402,18 +395,17 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
     return Stability("stable", reason=reason)
 
 
-def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
+def _decided(g: _Gathered, *, quiet: bool) -> Stability:
     """Decide stability from the pieces, starting with slip at all points at a border.
 
     Args:
         g: matrices and contact points.
-        max_count: largest number of pieces.
         quiet: whether neither the stiffness nor the damping supplies energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     options = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
     number = math.prod(len(w) for w in options)
-    looked = min(number, max_count)
+    looked = min(number, _MOST_PIECES)
     growth = 0.0
     doubt = ""
     for chosen in islice(product(*options), looked):

@@ -87,7 +87,6 @@ TABLES = {
     ],
     stability_at_rest: [
         ("leaning", {"density": -1.0}, "density must be a positive number"),
-        ("leaning", {"density": 1.0, "max_count": 0}, "max_count must be a whole number >= 1"),
         ("integral", {"density": 1.0}, "nodal or mixed"),
     ],
     wedging_friction: [
