@@ -388,21 +388,6 @@ class _Numbering:
         owned = self._owned[field].astype(np.float64)
         return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
-    def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
-        """Return the global indices of the unknowns of columns of the stiffness. Collective.
-
-        Args:
-            columns: columns as global displacement dofs, most of them owned by this rank.
-            owned: first owned dof, and one past the last.
-        """
-        first, end = owned
-        places = np.empty(len(columns), dtype=np.int64)
-        here = (first <= columns) & (columns < end)
-        places[here] = self._owned[0][columns[here] - first]
-        others, inverse = np.unique(columns[~here], return_inverse=True)
-        places[~here] = self.dof_places(0, others.astype(np.int64))[inverse]
-        return places
-
 
 class Jacobian:
     """Assembled Jacobian. The stiffness of a linear body is inserted only once.
@@ -424,7 +409,7 @@ class Jacobian:
         indptr, columns, _ = K.getValuesCSR()
         mine = numbering.first + np.arange(n, dtype=np.int64)
         rows = np.repeat(np.where(eq.fixed[:n], -1, mine), np.diff(indptr))
-        places = numbering.column_places(columns, K.getOwnershipRangeColumn())
+        places = numbering.dof_places(0, columns)
         fixed = mine[eq.fixed[:n]]
         self._fixed = Entries(fixed, fixed)
         self._body = Entries(rows, places)

@@ -258,8 +258,11 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     if all_ranks(comm, mine):
         return values[places - first]
     shape = values.shape[1:]
+    entries = np.empty((*places.shape, *shape))
+    entries[mine] = values[places[mine] - first]
+    # entries of other ranks
     width = int(np.prod(shape, dtype=int))
-    once, numbers = np.unique(places, return_inverse=True)
+    once, numbers = np.unique(places[~mine], return_inverse=True)
     given = PETSc.Vec().createMPI((values.size, None), comm=comm)
     given.array[:] = values.reshape(-1)
     wanted = PETSc.IS().createBlock(width, once.astype(PETSc.IntType), comm=comm)
@@ -269,7 +272,8 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     found = here.array_r.copy()
     for thing in (given, wanted, here, scatter):
         thing.destroy()
-    return found.reshape(once.size, *shape)[numbers.reshape(places.shape)]
+    entries[~mine] = found.reshape(once.size, *shape)[numbers]
+    return entries
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:
