@@ -50,7 +50,7 @@ from dolfinx_contact._geometry import mesh_mark
 from dolfinx_contact._mpi import all_ranks, any_rank, anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.body.rigid import bounding_box
+from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.equations.constraints import Constraints, Ramp, require_no_common_facets
 from dolfinx_contact.equations.evaluation import (
     Evaluation,
@@ -122,8 +122,7 @@ class ContactEquations:
         self.bcs = list(bcs)
         self.options = options
         self._mesh_mark = mesh_mark(V.mesh)
-        low, high = bounding_box(self.comm, V.mesh.geometry.x)
-        self.body_size = float(np.linalg.norm(high - low))
+        self.body_size = diagonal(self.comm, V.mesh.geometry.x)
         require_no_common_facets(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
