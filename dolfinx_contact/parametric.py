@@ -22,7 +22,6 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Codes
 from dolfinx_contact._compat import is_value_of
-from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import Arguments, all_ranks, any_rank, collective, on_root, require
 from dolfinx_contact._petsc import destroy
 from dolfinx_contact._ufl import described, refuse_other_mesh
@@ -427,7 +426,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
-            words += list(Gathered(s.comm, s.positions, s.points.ids)(letters))
+            words += list(s.in_order(letters))
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
@@ -440,12 +439,12 @@ class ParametricContact(ReadOnly, ParametricEquations):
         fits = isinstance(letters, str)
         left = list(letters) if fits else []
         for s, a, b in self.parts():
-            gathered = Gathered(s.comm, s.positions, s.points.ids)
-            word, left = np.array(left[: len(gathered)]), left[len(gathered) :]
+            number = len(s.in_order)
+            word, left = np.array(left[:number]), left[number:]
             codes = {str(status.letters(s.dim)[code]): code for code in s.law_at_points.codes}
-            fits = fits and len(word) == len(gathered) and set(word) <= {*codes, "d"}
+            fits = fits and len(word) == number and set(word) <= {*codes, "d"}
             if fits:
-                own = word[gathered.mine]
+                own = word[s.in_order.mine]
                 fits = bool(np.array_equal(own == "d", self.clamped[a:b]))
                 parts.append([codes.get(c, OPEN) for c in own])
         objection = "the letters of a piece must be the statuses of all points, as in `letters`"

@@ -16,7 +16,7 @@ from ufl.algorithms import expand_derivatives, extract_coefficients
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._geometry import dot, node_positions, tangential
+from dolfinx_contact._geometry import Gathered, dot, node_positions, tangential
 from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly
@@ -486,6 +486,15 @@ class DiscreteSurface(ReadOnly):
     def positions(self) -> Array:
         """Positions of the contact points of this rank, shape (n, dim)."""
         return self.points.positions
+
+    @cached_property
+    def in_order(self) -> Gathered:
+        """Contact points of all ranks in the order of the table. The first use is collective.
+
+        Points with equal coordinates, such as on both sides of a crack, are sorted by the input
+        numbers of their nodes.
+        """
+        return Gathered(self.comm, self.positions, self.points.ids)
 
     # -- states ----------------------------------------------------------------------------------
 

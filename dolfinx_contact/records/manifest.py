@@ -37,7 +37,7 @@ from dolfinx_contact._arrays import Indices, Ints
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._mpi import total
 from dolfinx_contact.equations.data import Datum, placed_data
-from dolfinx_contact.records.states import by_cells, coefficients, in_order, input_numbers
+from dolfinx_contact.records.states import by_cells, coefficients, input_numbers
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
@@ -184,7 +184,7 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
         if memory is None:
             continue
         of = f" of {s.name!r} at the start of the step"
-        points = in_order(s)
+        points = s.in_order
         vectors = {"jump": memory.jump} if memory.place is None else {"place": memory.place}
         for name, values in (*vectors.items(), *memory.fields.items()):
             whole = points(values).reshape(-1)

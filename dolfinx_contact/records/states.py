@@ -19,7 +19,6 @@ import numpy.typing as npt
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Codes, Ints
-from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.trace import trace_nodes
@@ -30,23 +29,14 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["StateArrays", "by_cells", "coefficients", "in_order", "input_numbers", "places"]
+__all__ = ["StateArrays", "by_cells", "coefficients", "input_numbers", "places"]
 
 T = TypeVar("T", bound=np.generic)
 
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     """Return the coordinates of contact points by surface, in table order. Collective."""
-    return {s.name: in_order(s).positions.tolist() for s in problem.surfaces}
-
-
-def in_order(s: DiscreteSurface) -> Gathered:
-    """Return the contact points of a surface in the order of their table. Collective.
-
-    Points with equal coordinates, such as on both sides of a crack, are sorted by the input numbers
-    of their nodes.
-    """
-    return Gathered(s.comm, s.positions, s.points.ids)
+    return {s.name: s.in_order.positions.tolist() for s in problem.surfaces}
 
 
 class StateArrays:
@@ -62,7 +52,7 @@ class StateArrays:
             _Multiplier(s, f) for s, f in zip(problem.surfaces, problem.fields[1:], strict=True)
         ]
         self._fields = [problem.u, *(m.on_body for m in self._multipliers)]
-        self._points = [in_order(s) for s in problem.surfaces]
+        self._points = [s.in_order for s in problem.surfaces]
 
     def of_vectors(self, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
         """Convert vectors of unknowns to arrays by name, on rank 0. Collective.

@@ -24,7 +24,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._compat import FacetSubmesh
-from dolfinx_contact._geometry import Gathered, along_tangent, dot, in_space, tangential
+from dolfinx_contact._geometry import along_tangent, dot, in_space, tangential
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
@@ -301,12 +301,11 @@ def contact_table(
         columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, adhesion)
     if s.law_at_points.compiled.knows_slip:
         columns["slid"] = slid_after(contact.data, contact.jump, contact.statuses)
-    gathered = Gathered(s.comm, s.points.positions, s.points.ids)
     return ContactTable(
         s.name,
         s.dim,
-        **gathered.columns(columns),
-        internal=gathered.columns(internal),
+        **s.in_order.columns(columns),
+        internal=s.in_order.columns(internal),
         axisymmetric=s.axisymmetric,
     )
 
