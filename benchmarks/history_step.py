@@ -135,7 +135,7 @@ def counts(result, problem):
         "krylov_iterations": sum(a.krylov_iterations for a in result.attempts),
         "evaluations": sum(a.evaluations for a in result.attempts),
         "strategy": result.reason,
-        "hierarchies": solver.builds if solver.name == "amg" else 0,
+        "hierarchies": solver.hierarchy.builds if solver.name == "amg" else 0,
     }
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -64,7 +63,6 @@ from dolfinx_contact.results.indicators import small_sliding_violated
 from dolfinx_contact.results.result import Result, Shown, collect
 from dolfinx_contact.results.tables import (
     ContactTable,
-    contact_table,
     contact_tables,
     forces_at_vertices,
     support_at_nodes,
@@ -92,13 +90,6 @@ _NOT_SOLVED = (
 )
 
 
-def _classical() -> ModuleType:
-    """Return the module of the classical algorithms, imported only when one is chosen."""
-    from dolfinx_contact.algorithms import classical
-
-    return classical
-
-
 def _check_step(a: Arguments) -> None:
     a.step = nonnegative(a.step, "the duration of a step")
 
@@ -107,7 +98,9 @@ def _check_solve(a: Arguments) -> None:
     a.expected = [list(statuses) for statuses in a.expected]
     count(a.increments, "the number of increments")
     if not (isinstance(a.algorithm, str) and a.algorithm == "newton"):
-        a.algorithm = _classical().algorithm_named(a.algorithm)
+        from dolfinx_contact.algorithms.classical import algorithm_named
+
+        a.algorithm = algorithm_named(a.algorithm)
     one_of(a.progress, "progress", PROGRESS)
 
 
@@ -666,7 +659,11 @@ class ContactProblem(ReadOnly):
                 problem.
         """
         with self._shown(state) as problem:
-            yield self._as_written() if problem is self else problem
+            # in an observer, and after a run, this is the law of the last step
+            written = problem._last_write()
+            if written is not None and problem.equations.is_static:
+                problem = problem.with_memory(written.previous)
+            yield problem
 
     @contextmanager
     def _evaluated(self, state: State | None) -> Iterator[tuple[ContactEquations, Evaluation]]:
@@ -687,17 +684,6 @@ class ContactProblem(ReadOnly):
             self.show(state)
             yield self.with_memory(state.previous)
 
-    def _as_written(self) -> ContactProblem:
-        """Return this problem with the law of the step that wrote the Functions. Collective.
-
-        In an observer of an evolution, and after its run, this is the law of the last step, as long
-        as the Functions are unchanged. Otherwise the problem itself is returned.
-        """
-        written = self._last_write()
-        if written is None or not self.equations.is_static:
-            return self
-        return self.with_memory(written.previous)
-
     @property
     def linear_solver(self) -> LinearSolver:
         """Linear solver of Newton's method, recreated if its options have changed. Collective."""
@@ -712,9 +698,7 @@ class ContactProblem(ReadOnly):
             surface: surface of this problem, or its name.
             state: state to evaluate; default: current values of the Functions.
         """
-        number = self.surfaces.index(self.discrete(surface))
-        with self._evaluated(state) as (eq, evaluation):
-            return contact_table(eq, number, evaluation, support_at_nodes(eq, evaluation))
+        return self.tables(state=state)[self.discrete(surface).name]
 
     def tables(self, *, state: State | None = None) -> dict[str, ContactTable]:
         """Tabulate the contact points of all surfaces, by name of the surface. Collective.
@@ -894,8 +878,10 @@ class ContactProblem(ReadOnly):
                     if "petsc_options" in eq.warnings or any(a.iterations for a in attempts):
                         eq.warn("petsc_options", eq.options.unread())
                 else:
+                    from dolfinx_contact.algorithms.classical import solve_by
+
                     validate(eq, x0)
-                    x, attempts = _classical().solve_by(algorithm, eq, x0, progress=line)
+                    x, attempts = solve_by(algorithm, eq, x0, progress=line)
                 with self.restored():
                     evaluation = attempts[-1].evaluation or eq.evaluate(x)
                     result = self.collect(x, attempts, evaluation, shown)

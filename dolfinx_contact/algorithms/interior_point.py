@@ -74,7 +74,6 @@ class _Interior:
         self._force = stiffness * self._length
         self._problem = problem
         self._A = problem.A
-        self._c = problem.free
         m = problem.number
         d = problem.dim
         self._F = problem.friction
@@ -114,7 +113,7 @@ class _Interior:
         return self._problem.radius(self._r[:, -1])
 
     def _displacement(self) -> Array:
-        return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
+        return self._problem.displacements(self._r)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
         """Return the k friction slacks (distances of rt from the bound) and their derivatives.

@@ -49,7 +49,6 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 __all__ = [
     "Lemke",
     "RayTermination",
-    "copositive_forces",
     "copositive_form",
     "coulomb_by_lemke",
     "forces_by_lemke",
@@ -223,7 +222,8 @@ def forces_by_lemke(
     """
     M, q = copositive_form(A, free, friction, bound, directions)
     z, pivots = lemke(M, q, max_pivots=None if most is None else most * len(q))
-    return copositive_forces(z, directions), pivots
+    m = len(free)
+    return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]]), pivots
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
@@ -412,9 +412,3 @@ def copositive_form(
         ]
     )
     return M, np.concatenate([free[:, -1], (free[:, :-1] @ directions.T).reshape(-1), bound])
-
-
-def copositive_forces(z: Array, directions: Array) -> Array:
-    """Return the contact forces, shape (m, dim), from the unknowns of `copositive_form`."""
-    m = len(z) // (2 + len(directions))
-    return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])

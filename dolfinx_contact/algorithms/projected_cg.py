@@ -89,7 +89,7 @@ class _GivenBound:
 
     def _refresh(self) -> None:
         """Recompute the displacements and restart the conjugate directions."""
-        self.a = self._times(self.r) + self._contact.free
+        self.a = self._contact.displacements(self.r)
         self._split()
         self._direction = self._free.copy()
 

@@ -206,8 +206,15 @@ class Reduction:
         Raises:
             ValueError: if the stiffness is not positive definite, or a number is not finite.
         """
-        of_S, of_load = self._errors_at(gamma)
         points = self.points
+        # error bounds of S, of the load p + gamma q, and of q
+        of_S, rest, rate = self._errors
+        S = np.abs(self.S)
+        w = np.abs(self._w[:, : self._dim]).reshape(-1)
+        of_load = of_S @ w + len(S) * ROUND_OFF * (S @ w) + rest + abs(gamma - self._gamma) * rate
+        sums = np.abs(self.load) + abs(gamma) * np.abs(self.rate)
+        of_load = of_load + 64 * ROUND_OFF * sums
+        of_rate = rate + 64 * ROUND_OFF * np.abs(self.rate)
         factor = self.force_unit / unit
         return PointProblem(
             self.S * factor,
@@ -221,7 +228,7 @@ class Reduction:
             S_error=of_S * factor,
             p_error=of_load * factor,
             rate=self.rate * factor,
-            rate_error=self._rate_errors * factor,
+            rate_error=of_rate * factor,
         )
 
     @property
@@ -252,24 +259,6 @@ class Reduction:
         """Return the entries for displacements and motions of rigid bodies, without multipliers."""
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
-
-    def _errors_at(self, gamma: float) -> tuple[Array, Array]:
-        """Return error bounds of the stiffness and of the load at a parameter.
-
-        The shapes are (dim m, dim m) and (dim m,) for m points.
-        """
-        S = np.abs(self.S)
-        of_S, rest, rate = self._errors
-        w = np.abs(self._w[:, : self._dim]).reshape(-1)
-        length = len(S) * ROUND_OFF
-        of_load = of_S @ w + length * (S @ w) + rest + abs(gamma - self._gamma) * rate
-        sums = np.abs(self.load) + abs(gamma) * np.abs(self.rate)
-        return of_S, of_load + 64 * ROUND_OFF * sums
-
-    @property
-    def _rate_errors(self) -> Array:
-        """Error bounds of the load derivative with respect to the parameter, shape (dim m,)."""
-        return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:

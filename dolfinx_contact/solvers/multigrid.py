@@ -194,7 +194,7 @@ class Multigrid(LinearSolver):
         """
         if self._unused and digits > _SEEN:
             # The iterations of a hierarchy built from a guess do not indicate those of the next.
-            guessed = self.builds == 1 or self._closed is None or self._closed.guessed
+            guessed = self.hierarchy.builds == 1 or self._closed is None or self._closed.guessed
             self._measured = 0.0 if guessed else iterations / digits
             self._unused = False
         self._excess += max(iterations - self._per_digit * digits, 0.0)
@@ -316,11 +316,6 @@ class Multigrid(LinearSolver):
             f"({reasons_of(ksp)}); try {other}"
             f"-{prefix}ksp_max_it, or -{prefix}linear_solver direct if memory allows"
         )
-
-    @property
-    def builds(self) -> int:
-        """Number of hierarchies built so far."""
-        return self.hierarchy.builds
 
     def destroy(self) -> None:
         destroy(self.filter, self.hierarchy, self.operator, self._correction)

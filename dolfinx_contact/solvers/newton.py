@@ -136,7 +136,6 @@ class _Run:
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
     warm: bool = False
-    floating: FloatingBodyError | None = None
 
     def known(self, x: PETSc.Vec) -> Evaluation | None:
         """Return the latest evaluation of H if it is at ``x``, otherwise None. Collective."""
@@ -281,8 +280,8 @@ class Newton:
                 "the residual overflows at the start: its square is beyond 1e308. Look at the "
                 "starting displacement, loads, Dirichlet and material data, or use other units"
             )
-        if run.floating is not None:
-            raise run.floating
+        if attempt.floats:
+            raise FloatingBodyError(attempt.reason)
         if reason > 0:
             attempt.reason = "converged"
         elif reason != _STOPPED:
@@ -462,7 +461,7 @@ class Newton:
                 f"Dirichlet condition{rigid}, or start from a state in contact; if friction holds "
                 "it, the load may exceed the friction bound"
             )
-            self._run.floating = FloatingBodyError(self._run.attempt.reason)
+            self._run.attempt.floats = True
         return bool(loose)
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:

@@ -34,7 +34,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -138,11 +138,8 @@ def solve(
             attempts.append(attempt)
             progress.strategy = name
             x0.copy(x)
-            try:
+            with suppress(FloatingBodyError):
                 attempt.converged = strategy.solve(equations, linear, progress.step, x, attempt)
-            except FloatingBodyError as error:
-                attempt.reason = str(error)
-                attempt.floats = True
             # refuse a body that has drifted away, and inverted cells
             if attempt.converged:
                 drift = diverged(equations, x)
