@@ -103,7 +103,9 @@ def balance(
     moved = maximum(comm, np.abs(evaluation.u))
     size = max(size, nothing, round_off_force(eq, moved))
     left = contact + support + external
-    left[_mirrored_axes(eq)] = 0.0
+    for s in eq.surfaces:
+        if s.slides:  # planes of symmetry push along their normals
+            left[list(s.obstacle.opposite.planes)] = 0.0
     imbalance = float(np.linalg.norm(left)) / size
     return Balance(support, external, imbalance)
 
@@ -147,11 +149,6 @@ def _resultant(eq: ContactEquations, forces: Array) -> Array:
     """
     whole = total(eq.comm, forces.sum(axis=0))
     return np.where(np.arange(eq.dim) < eq.axisymmetric, 0.0, whole)
-
-
-def _mirrored_axes(eq: ContactEquations) -> list[int]:
-    """Return the axes normal to the planes of symmetry at which sliding faces are mirrored."""
-    return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 
 # -- pairs and rigid bodies ------------------------------------------------------------------------
