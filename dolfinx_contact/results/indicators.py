@@ -811,8 +811,8 @@ def _between_points(s: DiscreteSurface, evaluation: Evaluation) -> float:
     probes = probes[((probes > low - reach) & (probes < high + reach)).all(axis=1)]
     if not len(probes):  # on every rank
         return 0.0
-    depth = np.zeros(len(probes))
-    distance = np.full(len(probes), np.inf)
+    depth: Array = np.zeros(len(probes))
+    distance: Array = np.full(len(probes), np.inf)
     if len(cells):
         found, parts, feet, distance = ClosestFacets(now, cells)(probes)
         height = dot(probes - feet, normals[found])

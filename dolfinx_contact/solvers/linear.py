@@ -46,6 +46,7 @@ class AssembledSolver(Jacobian, LinearSolver):
         equations: contact problem.
     """
 
+    matrix: PETSc.Mat
     name = "direct"
     defaults = DEFAULTS
 
