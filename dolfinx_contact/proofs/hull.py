@@ -81,11 +81,6 @@ class Hull:
         self._simplex = Simplex(A, b, np.flatnonzero(np.diff(group, prepend=-1)))
         self.alive = np.ones(len(cells), dtype=bool)
 
-    @property
-    def count(self) -> int:
-        """Number of linear programs solved so far."""
-        return self._simplex.count
-
     def empty(self, cell: int | None = None) -> Array | None:
         """Return multipliers that exclude all solutions, shape (3 m,) for m points.
 

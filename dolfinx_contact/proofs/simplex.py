@@ -53,7 +53,6 @@ class Simplex:
         self._x = np.abs(self._b)
         self._size = np.sqrt(1.0 + (A**2).sum(axis=0))
         self._pivots = 0
-        self.count = 0
 
     def solve(self, usable: Mask) -> Array | None:
         """Return multipliers of the n constraints proving infeasibility, shape (n,), or None.
@@ -61,7 +60,6 @@ class Simplex:
         Args:
             usable: mask of the columns that are not excluded, shape (k,).
         """
-        self.count += 1
         cost = np.ones(self._A.shape[1])
         cost[: self._columns][usable] = 0.0
         for _ in range(40 * len(self._b)):
