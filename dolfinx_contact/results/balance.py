@@ -283,13 +283,8 @@ class RigidBodyResult:
     def summary(self) -> dict[str, Any]:
         """Return motion and forces, by component, as a dictionary for `summary.json`."""
         return {
-            name: {c: float(v) for c, v in zip(self.components, values, strict=True)}
-            for name, values in (
-                ("motion", self.motion),
-                ("contact", self.contact),
-                ("load", self.load),
-                ("support", self.support),
-            )
+            name: dict(zip(self.components, getattr(self, name).tolist(), strict=True))
+            for name in ("motion", "contact", "load", "support")
         }
 
 

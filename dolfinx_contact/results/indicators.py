@@ -339,20 +339,25 @@ class Indicators:
 
 def indicators_of(eq: ContactEquations, evaluation: Evaluation) -> Indicators:
     """Return the indicators of model validity at the state in the user's Functions. Collective."""
-    surfaces = surface_indicators(eq, evaluation)
-    apart, floating = _apart(eq, evaluation), _floating(eq, evaluation)
+    det = turn = displacement = None
+    large = True
     if eq.bulk.linear:
         parts = eq.scaling.parts
-        turn = None
         if not eq.axisymmetric:
             turn = float(np.degrees(parts.largest_turn(evaluation.u)))
         moved, extents = parts.differences(evaluation.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
-        det = _min_det_F(eq, evaluation) if np.any(moved > extents.min(axis=1)) else None
-        return Indicators(surfaces, det, turn, displacement, apart=apart, floating=floating)
+        large = bool(np.any(moved > extents.min(axis=1)))
+    if large:
+        det, _ = smallest_jacobian(eq.V, evaluation.u, axisymmetric=eq.axisymmetric)
     return Indicators(
-        surfaces, min_det_F=_min_det_F(eq, evaluation), apart=apart, floating=floating
+        surface_indicators(eq, evaluation),
+        det,
+        turn,
+        displacement,
+        apart=_apart(eq, evaluation),
+        floating=_floating(eq, evaluation),
     )
 
 
@@ -425,11 +430,6 @@ def _floating(eq: ContactEquations, evaluation: Evaluation) -> str:
     return scaling.unrestrained_motions(carrying, evaluation) if restrained else ""
 
 
-def _min_det_F(eq: ContactEquations, evaluation: Evaluation) -> float:
-    """Return the smallest determinant of the deformation gradient in the body. Collective."""
-    return smallest_jacobian(eq.V, evaluation.u, axisymmetric=eq.axisymmetric)[0]
-
-
 def small_sliding_violated(eq: ContactEquations, evaluation: Evaluation) -> str:
     """Return the reasons why small sliding is not valid at a state; "" if it is. Collective.
 
@@ -476,8 +476,8 @@ def _of_surface(
         return replace(
             found,
             slip_in_step=maximum(s.comm, _touching(contact, passed)),
-            approach=_approach(eq, s, evaluation, contact),
-            behind_plane=_behind_plane(eq, s, evaluation) / found.facet,
+            approach=_approach(s, evaluation, contact),
+            behind_plane=_behind_plane(s, evaluation) / found.facet,
         )
     if s.between_bodies:
         return found
@@ -718,17 +718,15 @@ def _passing(s: DiscreteSurface, contact: SurfaceEvaluation) -> float:
     return maximum(s.comm, np.where(turned, _angles(before, after), 0.0))
 
 
-def _approach(
-    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation
-) -> float:
+def _approach(s: DiscreteSurface, evaluation: Evaluation, contact: SurfaceEvaluation) -> float:
     """Return the largest approach in a step of unopposed slave points. Collective.
 
     It is measured along the normal, relative to the mean motion of the master, and divided by the
     search distance.
     """
     opposite = s.obstacle.opposite
-    n = eq.owned_sizes[0] // eq.dim
-    moved: Array = evaluation.u[: n * eq.dim].reshape(-1, eq.dim)
+    n = s.owned_nodes
+    moved: Array = evaluation.u.reshape(-1, s.dim)[:n]
     memory = contact.kinematics.memory
     if memory is not None and memory.displacement is not None:
         moved = moved - memory.displacement
@@ -742,13 +740,13 @@ def _approach(
     return maximum(s.comm, way.sum(axis=1)) / opposite.depth
 
 
-def _behind_plane(eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation) -> float:
+def _behind_plane(s: DiscreteSurface, evaluation: Evaluation) -> float:
     """Return the largest depth of nodes of both faces behind planes of symmetry. Collective."""
     opposite = s.obstacle.opposite
-    n = eq.owned_sizes[0] // eq.dim
+    n = s.owned_nodes
     faces = np.logical_or(*opposite.sides)[:n]
     X = s.node_positions[:n][faces]
-    x = X + evaluation.u[: n * eq.dim].reshape(-1, eq.dim)[faces]
+    x = X + evaluation.u.reshape(-1, s.dim)[:n][faces]
     depth = 0.0
     for axis, place in opposite.planes.items():
         side = np.sign(s.comm.allreduce(float(np.sum(X[:, axis] - place))))
