@@ -241,8 +241,15 @@ class Scaling:
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
-    """Return the stiffness of each local node in series with its opposing point, shape (nodes,)."""
-    other = s.opposite(stiffness)
+    """Return the stiffness of each local node in series with its opposing point, shape (nodes,).
+
+    The stiffness of the opposing point is a sum over nodes with the sizes of their weights: some
+    weights of a mortar are negative, and with them the sum may vanish.
+    """
+    opposite = s.obstacle.opposite
+    if opposite is None:
+        return stiffness
+    other = opposite.values(s.comm, stiffness[: s.owned_nodes], sizes=True)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
