@@ -445,8 +445,9 @@ class ContactPoints(ABC):
         """Mark vertices on planes of symmetry. Collective.
 
         Call it only once, after `give`. Where jumps are means around a vertex, the mean over one
-        half of the model has a component across the plane, which the other half cancels. It is
-        replaced by the jump of the vertex itself.
+        half of the model has a component across the plane, which the other half cancels. This
+        component is replaced by the jump of the vertex itself, or by 0 if the master has no point
+        opposite to the vertex.
 
         Args:
             across: mask of the components across the planes, shape (local vertices, dim).
@@ -527,10 +528,13 @@ class NodePoints(ContactPoints):
             return
         assert isinstance(self.operator, ConstantOperator)
         across = across[: self.number]
+        itself = across
+        if opposite is not None:
+            itself = across & ~opposite.none[self.vertex_nodes[: self.number], None]
         own = NodePoints._jumps(self, opposite)
         at_vertices = own.jump_matrix(self.comm, self._owned_nodes, self.dim)
         B = self.operator.B
-        for matrix, kept in ((B, ~across), (at_vertices, across)):
+        for matrix, kept in ((B, ~across), (at_vertices, itself)):
             rows = matrix.createVecs(side="left")
             rows.array[:] = kept.reshape(-1)
             matrix.diagonalScale(rows)

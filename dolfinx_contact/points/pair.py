@@ -101,7 +101,8 @@ class DiscretePair(DiscreteSurface):
             marks = SharedValues(V.dofmap.index_map).marked(trace[given])
             self.obstacle.opposite = in_place(self._apart, marks)
         places = self._apart.places
-        self._mirror(resting(V, places, fixed), places)
+        here = np.where(places.none[:, None], fixed, resting(V, places, fixed))
+        self._mirror(here, places)
 
 
 def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:

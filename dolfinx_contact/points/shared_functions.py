@@ -19,11 +19,12 @@ Therefore it is removed. A clamped node opposite to a free master keeps its mult
 still transmits forces.
 
 *Planes of symmetry.* In a half model, Dirichlet data fix the displacement across the plane at a
-node p on the edge of the surface and at the master there. If the weighted jump of p contains free
-nodes, as for mortars and quadratic displacements, its component across the plane does not vanish,
-but that of the whole model does, and so does the traction. This multiplier component is removed,
-and the jump across the plane is that of p itself (`ContactPoints.mirror`). Since the stress tensor
-is symmetric, this holds at every edge whose adjacent face is held along its own normal only.
+node p on the edge of the surface and at the master there, if any. If the weighted jump of p
+contains free nodes, as for mortars and quadratic displacements, its component across the plane does
+not vanish. In the whole model it vanishes, and so does the traction across the plane. This
+multiplier component is removed, and the jump across the plane is that of p itself
+(`ContactPoints.mirror`). Since the stress tensor is symmetric, the shear also vanishes at other
+edges where a support holds the adjacent face along its own normal only.
 
 The functions of multipliers removed at crossings and clamped ends are added to the functions of
 adjacent nodes,

@@ -322,8 +322,8 @@ class DiscreteSurface(ReadOnly):
         """Remove multipliers across planes of symmetry (`shared_functions`). Collective.
 
         Args:
-            fixed: mask of the components in which neither a node nor the master at its position
-                can move, shape (local nodes, dim).
+            fixed: mask of the components in which neither a node nor the master at its position,
+                if there is one, can move, shape (local nodes, dim).
             opposite: points opposite to the positions of the nodes; None without another body.
         """
         turning = self.displaced is not None and not self.displaced.friction

@@ -159,9 +159,9 @@ def pressed_slightly(dim, surface, degree, *, whole, **algorithm):
     return problem.solve(**algorithm).tables["contact"]
 
 
-def pair(method):
+def pair(method, slave=SLAVE):
     def surface(u, body, up):
-        faces = dict(slave=SLAVE, master=MASTER)
+        faces = dict(slave=slave, master=SLAVE + MASTER - slave)
         return ContactPair(u, body.facet_tags, **faces, law=Coulomb(0.3), method=method)
 
     return surface
@@ -185,6 +185,9 @@ def on_a_disc(method):
         (pair("mixed"), 1),
         (pair("integral"), 1),
         (pair("mixed"), 2),
+        (pair("nodal", MASTER), 1),
+        (pair("mixed", MASTER), 1),
+        (pair("mixed", MASTER), 2),
         (on_a_disc("mixed"), 1),
         (on_a_disc("mixed"), 2),
         (on_a_disc("integral"), 2),
