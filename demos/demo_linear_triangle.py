@@ -12,9 +12,10 @@
 # Renard). Without load the body grazes the floor: all nodes of $AB$ are open, stuck and slipping at
 # the same time, and $4^n$ pieces of the nonsmooth problem meet. For $\gamma < 0$ there is one
 # solution; for $\gamma > 0$ and a large friction coefficient there are three.
-# The load is that of the publication. A warning says that its pressure (`pressure`) is not small
-# beside the stiffness of the linear body; a smaller load divides all displacements and forces by
-# the same factor.
+#
+# The published load is large: a warning (`pressure`) says that the contact pressure is not small
+# compared with the stiffness of the linear body. A smaller load divides all displacements and
+# forces by the same factor.
 
 from mpi4py import MPI
 

@@ -4,7 +4,7 @@
 # Mesh only half of the symmetric body, and hold the normal displacement on the plane of symmetry by
 # a condition on one component. Forces are those of the half. A contact node on the plane remains a
 # contact node, since its other component is free; its friction has no component across the plane.
-# Gaps, slips and tractions are those of the whole body.
+# Gaps, slips and tractions agree with the whole body.
 
 import numpy as np
 from common import Block, facets_where

@@ -114,6 +114,7 @@ def test_open_points_in_the_obstacle_are_found(log):
     assert said(log, "misfit of 'contact'")
 
 
+@pytest.mark.ranks(2)
 def test_a_cylinder_between_contact_points_gives_a_warning(log):
     """It is half as deep in the facets as its radius, and no contact point touches it."""
     rod = Cylinder((0.25, 0.0, -0.05), (0.0, 1.0, 0.0), 0.1)

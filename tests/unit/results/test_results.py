@@ -166,6 +166,8 @@ def test_reaction_of_each_support_has_its_closed_form(degree, at_end):
     expected = [(0.0, -2.5 + middle), (0.0, -2.5 - middle), (0.0, 5.0)]
     np.testing.assert_allclose(result.supports, expected, atol=1e-10)
     np.testing.assert_allclose(result.supports.sum(axis=0), result.support, atol=1e-10)
+    words = ", ".join(f"(0, {force:g})" for _, force in expected)
+    assert f"reactions of Dirichlet data: {words};" in str(result)
 
 
 def test_an_imbalance_is_measured_and_said(caplog):
